@@ -1,4 +1,4 @@
-"""numpy's and scipy's statistics of 600 points in a periodic slab: the fixture of src/stats/scipy_tests.rs.
+"""numpy's and scipy's statistics of 600 points in a periodic slab: the fixture of src/stats/tests.rs.
 
 python3 scripts/stats_scipy.py > crates/particlegs-measure/tests/fixtures/stats_scipy.json
 """

@@ -1,6 +1,6 @@
 //! Options of every command, and the context that they set up.
 
-use crate::cpu_count;
+use crate::process;
 use crate::progress::{Meter, to_stderr};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueHint};
@@ -12,9 +12,7 @@ use particlegs_files::output::Outputs;
 use std::collections::BTreeSet;
 use std::ops::Deref;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, LazyLock, Mutex, MutexGuard, OnceLock, PoisonError};
-use std::time::{Duration, Instant};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Common options")]
@@ -66,18 +64,11 @@ pub fn one_of<T: Clone + Send + Sync + 'static>(
         if help.is_empty() { value } else { value.help(*help) }
     });
     PossibleValuesParser::new(possible).try_map(move |name| {
+        // The parser before has refused all other names, so one is equal.
         let value = values.iter().find(|(_, value_name, _)| *value_name == name);
         value.map(|(value, ..)| value.clone()).ok_or("no such value")
     })
 }
-
-static STOP: AtomicBool = AtomicBool::new(false);
-/// Whether the work writes a checkpoint when it is stopped.
-static KEEPS: AtomicBool = AtomicBool::new(false);
-/// Time for that after the first signal; further signals are ignored meanwhile.
-const FOR_A_CHECKPOINT: Duration = Duration::from_secs(10);
-/// Set by SIGUSR1, which batch systems send before they end a task.
-static SOON: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
 pub struct CommandContext {
     pub common: Common,
@@ -96,7 +87,8 @@ struct CommandDisplay {
 
 impl Common {
     pub fn start(self) -> Result<CommandContext> {
-        let threads = self.threads.unwrap_or_else(cpu_count::threads);
+        let threads = self.threads.unwrap_or_else(process::threads);
+        // rayon would take 0 for as many threads as there are cores.
         if threads == 0 || threads > 4096 {
             return Err(Error::argument(format!("--threads {threads} is outside 1 to 4096")));
         }
@@ -104,7 +96,7 @@ impl Common {
         // For tests of determinism: plain code instead of vector instructions.
         let plain = std::env::var_os("PARTICLEGS_SIMD").is_some_and(|v| v == "off");
         let simd = if plain { Level::baseline() } else { Level::new() };
-        meet_stop_signals();
+        process::meet_stop_signals();
         // A process creates one, or two if it opens the page after other work.
         let display: &'static CommandDisplay = Box::leak(Box::default());
         *lock(&display.meter) = (!self.quiet).then(Meter::start);
@@ -112,47 +104,15 @@ impl Common {
             .with_sink(display)
             .with_simd(simd)
             .with_memory(&memory::available_bytes)
-            .with_cancel(&|| STOP.load(Ordering::SeqCst) || SOON.load(Ordering::SeqCst));
+            .with_cancel(&process::is_stopped);
         Ok(CommandContext { common: self, context, display, outputs: Outputs::new(false) })
-    }
-}
-
-/// Starts a thread that calls [`stop`] at every signal to end.
-#[cfg(unix)]
-fn meet_stop_signals() {
-    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
-    let _ = signal_hook::flag::register(SIGUSR1, Arc::clone(&SOON));
-    if let Ok(mut signals) = signal_hook::iterator::Signals::new([SIGINT, SIGTERM, SIGHUP]) {
-        std::thread::spawn(move || signals.forever().for_each(|_| stop()));
-    }
-}
-
-#[cfg(not(unix))]
-fn meet_stop_signals() {
-    let _ = ctrlc::set_handler(stop);
-}
-
-/// Turns a limit on file sizes into an error of writing, instead of a signal that ends the process.
-pub fn meet_file_size_limits() {
-    #[cfg(unix)]
-    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
-}
-
-/// Asks the work to stop. A second signal ends the process at once, unless it is writing a checkpoint. Outputs are
-/// complete or absent either way.
-fn stop() {
-    static FIRST: OnceLock<Instant> = OnceLock::new();
-    let again = STOP.swap(true, Ordering::SeqCst);
-    let first = FIRST.get_or_init(Instant::now);
-    if again && !(KEEPS.load(Ordering::SeqCst) && first.elapsed() < FOR_A_CHECKPOINT) {
-        std::process::exit(130);
     }
 }
 
 impl CommandContext {
     /// From now on a stop writes a checkpoint: signals after the first are ignored for some seconds.
     pub fn finishes_its_steps(&self) {
-        KEEPS.store(true, Ordering::SeqCst);
+        process::keep_checkpoint();
     }
 
     /// Shows no more progress: the work continues until it is stopped.
@@ -170,6 +130,7 @@ impl CommandContext {
                 return Ok(());
             }
         }
+        // A result that no file holds is printed even with --quiet.
         if self.common.quiet && !self.outputs.is_empty() {
             return Ok(());
         }

@@ -2,7 +2,7 @@
 
 use crate::common::CommandContext;
 use crate::info_snapshot::{self, point};
-use crate::text_wrap::{counted, wrapped};
+use crate::report::{counted, wrapped};
 use particlegs_core::codec::{BlockInfo, FileInfo};
 use particlegs_core::context::Context;
 use particlegs_core::model::{
@@ -154,6 +154,7 @@ fn text(info: &FileInfo, r: &ModelInfoReport<'_>, quantities: &[Quantity]) -> St
         };
         let blocks = counted(layer.content.len(), "block");
         let shared = Some(&m.shared_species).filter(|s| SharedSpecies::share_layer(s, &layer.name));
+        // Each of the species has its mass in a line below.
         let mass = if shared.is_some() { "which share Gaussians".into() } else { mass };
         row("layer", format!("`{}`: {count} particles, {mass}, {blocks}", layer.name));
         for SharedSpecies { name, count, mass } in shared.into_iter().flatten() {
@@ -200,6 +201,7 @@ pub fn certificate(c: Option<&Certificate>, unit: Option<&str>) -> String {
     if let Some(goal) = &c.goal {
         line(&describe_goal(goal, unit));
     }
+    // The goal is in the line above.
     for (group, entries) in c.groups().into_iter().filter(|(group, _)| group.tag != MetricGroup::GOAL) {
         match entries {
             Some(entries) => {
@@ -225,6 +227,7 @@ fn tables(entries: &[MetricEntry], unit: Option<&str>) -> Vec<String> {
     type MetricRows<'a> = Vec<&'a [MetricEntry]>;
     let mut tables: Vec<MetricRows<'_>> = Vec::new();
     let names = |row: &[MetricEntry]| row.iter().map(|e| e.metric.name).collect::<Vec<_>>();
+    // Entries without a row are in the sentence of their group.
     for row in entries.chunk_by(|a, b| a.row == b.row).filter(|row| !row[0].row.is_empty()) {
         match tables.iter_mut().find(|rows| names(rows[0]) == names(row)) {
             Some(rows) => rows.push(row),

@@ -1,7 +1,7 @@
 //! Output of `info` for a snapshot.
 
 use crate::common::CommandContext;
-use crate::text_wrap::wrapped;
+use crate::report::wrapped;
 use particlegs_core::Result;
 use particlegs_core::model::{Cosmology, Dimension, Epoch, Units};
 use particlegs_core::space::{Bounds, Cell};
@@ -56,6 +56,7 @@ fn text(r: &SnapshotInfoReport<'_>) -> String {
         let unit = m.units.mass_text().unwrap_or("");
         let mass = match &species.mass {
             SpeciesMass::Unknown => "mass not stated".to_string(),
+            // The unit may be empty, which leaves two blanks.
             SpeciesMass::Each(mass) => format!("mass {mass} {unit} each").replace("  ", " "),
             SpeciesMass::Field(field) => format!("masses in `{field}`"),
         };

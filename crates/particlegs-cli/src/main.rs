@@ -2,33 +2,22 @@
 
 mod commands;
 mod common;
-mod cpu_count;
-mod density_args;
 mod device;
 mod emit;
-mod error_text;
-mod field_args;
-mod figure_args;
 mod fit_args;
 mod info_model;
-mod info_series;
 mod info_snapshot;
 mod inputs;
 mod options;
 mod outputs;
 mod page_args;
 mod page_models;
-mod picture_table;
+mod picture_args;
+mod process;
 mod progress;
 mod report;
-mod run_args;
-mod sequence_args;
-mod sigbus;
 mod snapshot_args;
-mod target_args;
-mod text_wrap;
 mod train_args;
-mod view_args;
 
 use clap::{CommandFactory, FromArgMatches, Parser};
 use particlegs_core::{Error, Result};
@@ -61,6 +50,7 @@ fn subcommand(command: clap::Command) -> clap::Command {
 /// The command, whose help lists its commands by group: clap groups options alone.
 fn program() -> clap::Command {
     let mut program = Cli::command();
+    // clap adds the command `help`, which a group names, only when it is built.
     program.build();
     let header = *program.get_styles().get_header();
     let mut template = String::from("{about-with-newline}\n{usage-heading} {usage}\n\n");
@@ -89,6 +79,7 @@ fn run() -> Result<()> {
     }
     let matches = match program().try_get_matches_from(arguments) {
         Ok(matches) => matches,
+        // clap gives help and versions as errors, too.
         Err(page) if !page.use_stderr() => return report::help(&page),
         Err(wrong) => wrong.exit(),
     };
@@ -98,8 +89,8 @@ fn run() -> Result<()> {
 }
 
 fn main() -> ExitCode {
-    sigbus::end_with_message();
-    common::meet_file_size_limits();
+    process::end_with_message();
+    process::meet_file_size_limits();
     end_on_panic();
     match run() {
         Ok(()) => ExitCode::SUCCESS,
@@ -112,6 +103,7 @@ fn end_on_panic() {
     let say = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
         say(panic);
+        // EX_SOFTWARE of sysexits.h (docs/guide/exit-codes.md).
         std::process::exit(70);
     }));
 }

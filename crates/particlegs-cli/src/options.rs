@@ -140,6 +140,7 @@ struct CommandMatches<'a>(&'a ArgMatches);
 impl CommandMatches<'_> {
     /// Whether the argument was given, not only as a default.
     fn has(&self, id: &str) -> bool {
+        // A rule may hold for several commands; a debug build of clap panics at an option that this one does not have.
         self.0.try_contains_id(id).unwrap_or(false) && self.0.value_source(id) == Some(ValueSource::CommandLine)
     }
 

@@ -1,7 +1,7 @@
 //! Inputs and outputs of a command, declared before its work.
 
 use crate::common::CommandContext;
-use crate::text_wrap::wrapped;
+use crate::report::wrapped;
 use clap::Args;
 use particlegs_core::Result;
 pub use particlegs_files::output::kinds::*;

@@ -1,9 +1,8 @@
 //! Options of a page's first view. Shared by `view` and `export`.
 
 use crate::common::{CommandContext, named};
-use crate::density_args::{colormaps, range_of};
 use crate::page_models::share_length;
-use crate::view_args::ProjectionArg;
+use crate::picture_args::{ProjectionArg, colormaps, range_of};
 use clap::{Args, ValueHint};
 use particlegs_core::camera::ViewSet;
 use particlegs_core::codec::FileInfo;
@@ -116,9 +115,11 @@ impl PageArgs {
         }
         if let Some(path) = &self.like {
             let (provenance, set) = PictureProvenance::read(path, context)?;
+            // A field is a style of its own, which --style replaces.
             opening.field = provenance.field.clone().filter(|_| opening.style.is_none());
             let style = || PageStyle::from_name(&provenance.style).ok();
             opening.style = opening.style.or_else(style);
+            // A range of colours means nothing for another quantity.
             let same = opening.style == Some(PageStyle::Density) && opening.field == provenance.field;
             opening.range = opening.range.or(provenance.range.filter(|_| same));
             opening.colormap = opening.colormap.or_else(|| provenance.colormap.and_then(|name| name.parse().ok()));
@@ -184,6 +185,7 @@ impl PageArgs {
 fn own_names(names: &[String], models: &[&FileInfo]) -> Result<Vec<String>> {
     let layers: Vec<_> = models.iter().flat_map(|m| m.species_layers()).collect();
     let layer_names: Vec<&str> = layers.iter().map(|l| &l.name[..]).collect();
+    // The name of a layer comes before a species of the same name.
     let is_match =
         |layer: &str, name: &str| if layer_names.contains(&name) { layer == name } else { is_species(layer, name) };
     if let Some(name) = names.iter().find(|n| !layer_names.iter().any(|l| is_match(l, n))) {

@@ -48,6 +48,7 @@ struct ProgressStatus {
 impl ProgressStatus {
     /// `45 %, 1 min 20 s left`, or `12 s so far`.
     fn figures(&self) -> String {
+        // Rounded down, so that 100 % means the end.
         let share = self.share.map_or(String::new(), |s| format!("{:.0} %, ", (100.0 * s).floor()));
         match self.left {
             Some(left) => format!("{share}{} left", duration(left)),
@@ -112,6 +113,7 @@ impl ProgressPhase {
         let gained = share - self.share_of(first.done)?;
         let is_known = gained > 0.0 && elapsed >= SETTLED;
         let at_last_step = elapsed.as_secs_f64() * (1.0 - share) / gained;
+        // `from_secs_f64` panics at what a Duration cannot hold.
         is_known.then(|| Duration::from_secs_f64((at_last_step - since).max(0.1 * since).clamp(1.0, 1e9)))
     }
 }
@@ -191,6 +193,7 @@ impl Terminal {
 
 impl StatusSink for Terminal {
     fn show(&mut self, status: &ProgressStatus, _: Duration) {
+        // A line that is shown already stays for short phases, too.
         if status.elapsed < UNSEEN && self.of_known_size.is_none() {
             return;
         }
@@ -208,6 +211,7 @@ impl StatusSink for Terminal {
 
     fn clear(&mut self) {
         self.bar.finish_and_clear();
+        // A bar that was finished and cleared draws nothing any more.
         *self = Terminal::new();
     }
 
@@ -266,6 +270,7 @@ impl SharedDisplay {
 impl Meter {
     /// A live line on a terminal, elsewhere one plain line per minute.
     pub fn start() -> Meter {
+        // Such a terminal cannot move its cursor: a shell inside an editor, for example.
         let dumb = std::env::var_os("TERM").is_some_and(|t| t == "dumb");
         match std::io::stderr().is_terminal() && !dumb {
             true => Meter::with(Box::new(Terminal::new()), TICK),
@@ -281,6 +286,7 @@ impl Meter {
             let mut display = ticker_display.lock();
             while let Some(d) = display.as_mut() {
                 d.tick(began.elapsed());
+                // Others may lock while this waits; the end of the command wakes it.
                 display = ticker_display.over.wait_timeout(display, every).unwrap_or_else(|e| e.into_inner()).0;
             }
         });
@@ -320,6 +326,7 @@ impl Meter {
 
 impl Drop for Meter {
     fn drop(&mut self) {
+        // Taken first: the thread ends when it finds no display.
         if let Some(mut display) = self.shared.lock().take() {
             display.sink.clear();
         }

@@ -1,15 +1,21 @@
-//! Options of training: presets, a configuration file, limits. Shared by `compress` and `plan`.
+//! Options of training and of long runs: presets, a configuration file, limits, checkpoint and log. Shared by
+//! `compress`, `plan` and `finetune`.
 
 use crate::common::{OrNone, named, named_or};
 use crate::inputs::WaitNotice;
 use clap::{Args, ValueEnum, ValueHint};
+use particlegs::RunOptions;
+use particlegs_compress::CompressedModel;
 use particlegs_core::context::Context;
 use particlegs_core::model::LawKind;
 use particlegs_core::{Error, Result};
 use particlegs_files::input::{Begins, Form, read_whole};
+use particlegs_measure::score::Assessment;
 use particlegs_train::{Config, Preset};
 use serde::Deserialize;
+use serde_json::json;
 use std::cell::OnceCell;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 #[derive(Args, Clone, Debug)]
@@ -103,6 +109,7 @@ impl TuneArgs {
         if let Some(path) = &self.config {
             let text = self.text_of(path)?;
             let changes: toml::Table = toml::from_str(text).map_err(|e| {
+                // toml says at which byte; people look for a line.
                 let line = e.span().map_or(1, |s| 1 + text[..s.start.min(text.len())].matches('\n').count());
                 Error::input(path, format!("line {line}: {}", one_line(e.message())))
             })?;
@@ -117,6 +124,7 @@ impl TuneArgs {
         if let Some(scale) = self.scale {
             config = config.scaled(scale).map_err(|e| e.at("--scale"))?;
         }
+        // After --scale, which would change this number, too.
         if let Some(n) = self.iterations {
             config = config.with_iterations(n).map_err(|e| e.at("--iterations"))?;
         }
@@ -176,6 +184,68 @@ fn differing(all: toml::Table, other: &toml::Table) -> toml::Table {
         }
     }
     out
+}
+
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Training")]
+pub struct RunArgs {
+    /// Time limit for the whole run, in minutes.
+    ///
+    /// Training ends when a tenth of the time, at most one minute, is left for coding and measuring. The
+    /// learning rates decrease so that they reach their final values by then.
+    #[arg(long, value_name = "M", hide_short_help = true)]
+    minutes: Option<f64>,
+    /// Continue an interrupted run of the same command from OUTPUT.checkpoint.
+    #[arg(long, hide_short_help = true)]
+    resume: bool,
+    /// Write a training log as JSON lines, and its curves beside it as SVG and PNG.
+    #[arg(long, value_name = "FILE.jsonl", hide_short_help = true, value_hint = ValueHint::FilePath)]
+    log: Option<PathBuf>,
+}
+
+impl RunArgs {
+    /// The options of a run; `replace` is that of --force.
+    pub fn options(&self, replace: bool) -> RunOptions {
+        RunOptions {
+            minutes: self.minutes,
+            resume: self.resume,
+            replace,
+            log: self.log.clone(),
+            ..RunOptions::default()
+        }
+    }
+}
+
+/// A line for each training of a run.
+pub fn trained(done: &CompressedModel) -> String {
+    let mut text = String::new();
+    for t in &done.trained {
+        let run = if t.run.is_empty() { String::new() } else { format!(" {}", t.run) };
+        let steps = match t.iterations == t.of {
+            true => format!("{} steps", t.of),
+            false => format!("{} of {} steps, ended by the time limit", t.iterations, t.of),
+        };
+        text += &format!("\ntrained{run}: {steps}");
+        if let [Some(before), Some(after)] = t.scores {
+            text += &format!(", {before:.2} to {after:.2} dB masked PSNR on held-out views, before coding");
+        }
+        if t.not_finite > 0 {
+            text += &format!("; gradients were not finite in {} steps", t.not_finite);
+        }
+    }
+    text
+}
+
+/// A run as JSON.
+pub fn report(output: &Path, done: &CompressedModel, verdict: &[Assessment], seconds: f64) -> serde_json::Value {
+    let (bytes, raw_bytes) = (done.bytes.len(), done.model.raw_bytes());
+    json!({
+        "output": output.to_string_lossy(), "gaussians": done.model.gaussians(), "model_bytes": bytes,
+        "raw_bytes": raw_bytes, "compression_ratio": raw_bytes as f64 / bytes as f64,
+        "step_factor": done.step_factor, "trained": done.trained, "seconds": seconds,
+        "seconds_by_phase": done.seconds.iter().copied().collect::<BTreeMap<_, _>>(),
+        "certificate": done.model.certificate, "verdict": verdict,
+    })
 }
 
 #[cfg(test)]

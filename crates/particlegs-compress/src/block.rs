@@ -5,7 +5,7 @@
 
 use super::clock::Clock;
 use super::layer::{LayerParticles, LayerResult, LayerTask, Share};
-use super::setup::BlockSetup;
+use super::plan::BlockSetup;
 use super::size::SizeOutcome;
 use particlegs_core::checkpoint::CheckpointStore;
 use particlegs_core::codec::{CodedLayer, StoredBlock, StoredSection};
@@ -100,6 +100,7 @@ impl RemainingShare {
 
     /// Takes away the share of a layer: bytes that it has not used are left.
     fn take(&mut self, layer: &LayerParticles, result: &LayerResult) {
+        // The part follows from the counts with this layer in them, so they are reduced only below.
         self.share = match (self.share, self.next(layer)) {
             (Share::Gaussians(number), Share::Gaussians(part)) => Share::Gaussians(number.saturating_sub(part)),
             (Share::Bytes(bytes), _) => {
@@ -139,6 +140,7 @@ impl CodedBlock {
     fn push(&mut self, layer: &LayerParticles, result: LayerResult) {
         self.layers.push(layer.layer.with(vec![result.coded.bytes.into()]));
         self.vizmapper = result.vizmapper.or(self.vizmapper.take());
+        // Layers come smallest first, so what is set last is that of the largest.
         (self.step_factor, self.size_met) = (result.coded.step_factor, result.coded.size_met);
         self.trained.extend(result.trained);
         self.stopped |= result.stopped;

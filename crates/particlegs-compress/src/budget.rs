@@ -77,6 +77,7 @@ impl CompressionPlan {
         let smallest = blocks.iter().map(|b| b.size() as u64).sum::<u64>() + self.overhead();
         if blocks.iter().any(|b| b.size_met == SizeOutcome::TooLarge) {
             let message = format!("the target is {target} bytes, but the smallest possible file has {smallest} bytes");
+            // Nobody asked for the default size, so a larger file is a note and no error.
             if self.recipe().target != Target::Default {
                 let ratio = self.raw_bytes() as f64 / smallest as f64;
                 let hint = Hint::larger_file(smallest).words(", or for ").option("ratio", format!("{ratio:.4}"));

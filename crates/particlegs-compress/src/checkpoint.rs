@@ -55,6 +55,7 @@ impl Checkpoint {
                 None => (CheckpointState::Broken, BTreeMap::new()),
             },
             Ok(None) => return Ok(all),
+            // An empty file, or one with other first bytes, is as useless as a changed one.
             Err(Error::Input { .. }) => (CheckpointState::Broken, BTreeMap::new()),
             Err(e) => return Err(e),
         };

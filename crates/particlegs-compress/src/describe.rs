@@ -91,6 +91,7 @@ pub fn differences_from(particles: &Particles, model: &Model, of_several: bool) 
         layers.sort();
         layers.join("; ")
     };
+    // Adding 0 turns -0 into 0, which is the same corner.
     let corners = |b: &Bounds| format!("{:?} to {:?}", b.min.map(|v| v + 0.0), b.max.map(|v| v + 0.0));
     let direct = [
         ("bounds", corners(&m.bounds), corners(&bounds)),
@@ -99,6 +100,7 @@ pub fn differences_from(particles: &Particles, model: &Model, of_several: bool) 
         ("opacity", opacity.to_string(), looks[1].to_string()),
     ];
     let stated = source_statements(m).into_iter().zip(source_statements(&source_metadata));
+    // The first text of a statement is the size of a unit, by which two spellings of it are one.
     let stated = stated.filter(|((_, a), (_, b))| if of_several { a[0] != b[0] } else { a != b });
     let stated = stated.map(|((name, [_, a]), (_, [_, b]))| [name.into(), a, b]);
     let direct = direct.into_iter().filter(|(_, a, b)| a != b).map(|(name, a, b)| [name.into(), a, b]);

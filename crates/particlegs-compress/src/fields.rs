@@ -110,6 +110,7 @@ impl FieldPlan {
             let kind = if first.columns.len() == 3 { QuantityKind::Vector } else { QuantityKind::Scalar };
             // Fields that a temperature or a vector is made of are not omitted either.
             used.extend(layer_columns.iter().flat_map(|(_, columns)| columns.sources.clone()));
+            // Charges are often a few whole numbers, and are still added up.
             if let Some(classes) = classes(sources, counts, &layer_columns)?.filter(|_| !is_sum(name)) {
                 plan.notes.push(format!(
                     "{name} is a category: the model stores the share of each of its {} values",
@@ -152,6 +153,7 @@ impl FieldPlan {
         for (k, class) in classes.iter().enumerate() {
             let place = self.quantities.len();
             let quantity = Quantity::new(format!("{name}={class}"), QuantityKind::Category);
+            // The snapshot has one byte for all classes together: the first class counts it.
             self.quantities.push(Quantity { bytes: u16::from(k == 0), by_mass, ..quantity });
             for (layer, columns) in &layer_columns {
                 let class_columns = FieldColumns { class: Some(*class), wide: false, ..columns.clone() };
@@ -267,8 +269,10 @@ impl<'a> FieldSelection<'a> {
         let mut buffer = ChunkBuffer::default();
         let first = run as usize * RUN;
         let chunk = layer_particles.chunk(first..layer_particles.len().min(first + RUN), &mut buffer);
+        // Gathering weights every value, so that a value over its weight adds up to the sum of the values.
         let over_weight = |(i, v): (usize, f64)| v / chunk.weight.map_or(1.0, |w| f64::from(w[i]));
         for (n, columns) in chosen {
+            // `gather` takes a logarithmic field as two columns: logarithms first, then the values themselves.
             if self.plan.quantities[*n].logarithmic {
                 out.push(columns.values(&all, 0).map(libm::log).collect());
             }
@@ -414,6 +418,7 @@ fn classes(
                 if let Err(place) = values.binary_search_by(|value| value.total_cmp(&v)) {
                     values.insert(place, v);
                 }
+                // Ids are whole numbers too, and are given up here after a few particles.
                 if values.len() > SharedSpecies::MOST {
                     return Ok(None);
                 }

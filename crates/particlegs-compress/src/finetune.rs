@@ -98,6 +98,7 @@ pub fn finetune(
     // What was stopped is coded all the same.
     let check = || if stopped { Ok(()) } else { context.check() };
     let coded = clock.time("code", || file.code(mixture, check))?;
+    // After a stop the context stays cancelled, and measuring would end at once.
     let measure = (options.certificate.measures() && !stopped).then_some(CertificateInput {
         particles,
         seed,
@@ -147,6 +148,7 @@ impl NewFile {
                     "fine-tuning needs a size, a ratio or a number of Gaussians as its target",
                 ));
             }
+            // Particles of this law have no weights: three float32 each.
             target => target.bytes(12 * model.metadata.count),
         };
         let mut metadata = model.metadata.clone();

@@ -130,6 +130,7 @@ fn points(g: &Mixture, block: &Block) -> Particles {
         let at = |p: usize| (g.mean[k][p / POINTS] - origin[k] + place(p)[k]) as f32;
         Column::owned((0..POINTS * g.len()).map(at).collect())
     };
+    // A weight must be above 0, also where float32 would round it to 0.
     let weight = |p: usize| (g.mass_of(p / POINTS) / POINTS as f64).max(f64::from(f32::MIN_POSITIVE)) as f32;
     let weights = Column::owned((0..POINTS * g.len()).map(weight).collect());
     Particles::from_column_list(

@@ -1,7 +1,7 @@
 //! One layer of a block: fitted, trained where the job is to, and coded.
 
 use super::clock::Clock;
-use super::setup::{BlockSetup, StopPolicy};
+use super::plan::{BlockSetup, StopPolicy};
 use super::size::{CodedGaussians, SizeTarget, bytes_a_gaussian, most_gaussians};
 use super::thickness::Thickness;
 use particlegs_core::checkpoint::{CheckpointStore, PrefixedCheckpoints};
@@ -119,6 +119,7 @@ impl LayerTask<'_> {
             let code = |encoder: &Encoder| CodedGaussians::to_size(encoder, bytes, None, check);
             Ok((clock.time("code", || self.coded(mixture, code))?, mixture_copy))
         })?;
+        // It holds a copy of the particles, which training does not need.
         drop(fitter);
         let (Some(config), Some(mixture)) = (training, mixture) else {
             return Ok(LayerResult { coded, vizmapper: None, trained: None, stopped: false, clock });
@@ -157,6 +158,7 @@ impl LayerTask<'_> {
         let gaussians = usize::try_from(number.min(count)).unwrap_or(usize::MAX);
         let options = FitOptions {
             gaussians,
+            // Training does the refinement itself, so the fit spends little on it.
             effort: if partition { Effort::Fast } else { plan.recipe().effort },
             radius: plan.metadata.default_radius,
             pixel: plan.pixel(),
@@ -229,6 +231,7 @@ impl LayerTask<'_> {
         let Some(thickness) = untrained.then(thickness).flatten() else {
             return code(&self.encoder(gaussians)?);
         };
+        // Coding changes how wide thin Gaussians are, so each trial corrects by what the decoded ones show.
         for _ in 1..Thickness::TRIALS {
             let coded = code(&self.encoder(gaussians.clone())?)?;
             let factor = thickness.factor(&[&decode_block(&coded.bytes, "a block")?.gaussians]);

@@ -53,6 +53,7 @@ impl MemoryLoad {
             let subject = "even the smallest block".to_string();
             return Err(Error::Bound { what: subject, need_bytes: bytes(most), bound_bytes: bound });
         }
+        // From here on `high` blocks fit and `low` do not; 0 stands for none at all.
         let (mut low, mut high) = (0, most);
         while high - low > 1 {
             let middle = (low + high) / 2;

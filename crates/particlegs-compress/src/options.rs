@@ -1,12 +1,12 @@
 //! Options of compression.
 
 use super::memory::MemoryLoad;
-use super::sharing_policy::{self, SharingPolicy};
 use particlegs_core::model::{CertificateLevel, Effort, LawKind, Recipe, Target};
 use particlegs_core::{Error, Result};
 use particlegs_particles::{Particles, StarFormingGas, Storage};
 use particlegs_train::{Config, Limits};
 use std::collections::BTreeMap;
+use std::fmt;
 
 /// Options of compression. The default is that of the command: the default size, a refined fit, no training,
 /// measured.
@@ -98,7 +98,7 @@ impl Options {
             read.insert("star-forming".into(), self.star_forming.to_string());
         }
         if self.sharing != SharingPolicy::Automatic {
-            read.insert(sharing_policy::OPTION.into(), self.sharing.to_string());
+            read.insert(SharingPolicy::OPTION.into(), self.sharing.to_string());
         }
         Recipe {
             target: self.target,
@@ -139,6 +139,46 @@ impl Options {
     pub(crate) fn load(&self, count: u64, raw_bytes: u64, copies: u64) -> MemoryLoad {
         let measuring = self.certificate == CertificateLevel::Blocks;
         MemoryLoad { count, raw_bytes, target: self.target, effort: self.effort, copies, measuring, fields: 0 }
+    }
+}
+
+/// Whether the species of a snapshot share Gaussians.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SharingPolicy {
+    /// They do if that describes them better in as many bytes.
+    #[default]
+    Automatic,
+    /// They do.
+    Yes,
+    /// Each has Gaussians of its own.
+    No,
+}
+
+impl SharingPolicy {
+    /// Its name in recipes.
+    const OPTION: &str = "share-gaussians";
+
+    /// The one that made a model.
+    pub(super) fn of_recipe(recipe: &Recipe) -> Self {
+        recipe.read.get(Self::OPTION).and_then(|text| text.parse().ok()).unwrap_or_default()
+    }
+
+    const NAMES: [(&str, SharingPolicy); 3] =
+        [("auto", SharingPolicy::Automatic), ("yes", SharingPolicy::Yes), ("no", SharingPolicy::No)];
+}
+
+impl fmt::Display for SharingPolicy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(Self::NAMES[*self as usize].0)
+    }
+}
+
+impl std::str::FromStr for SharingPolicy {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let policy = Self::NAMES.iter().find(|(name, _)| *name == text);
+        policy.map(|f| f.1).ok_or_else(|| "use `auto`, `yes` or `no`".into())
     }
 }
 

@@ -1,4 +1,5 @@
-//! The plan of the whole that every block needs: the same for all of a job, wherever blocks are done.
+//! The plan of the whole that every block needs, and the settings by which blocks are made: the same for all of a job,
+//! wherever blocks are done.
 
 use super::describe::{SourceFacts, describe};
 use super::options::Options;
@@ -11,7 +12,7 @@ use particlegs_core::{Error, Hint, Result, codec};
 use particlegs_measure::score::check_radius;
 use particlegs_particles::blocks::{KdTree, SnapshotScan};
 use particlegs_particles::{LayeredParticles, check_box};
-use particlegs_train::Config;
+use particlegs_train::{Config, Limits};
 use serde::{Deserialize, Serialize};
 
 /// Options of a compression, and metadata of the whole snapshot.
@@ -146,4 +147,22 @@ pub(crate) fn near_pixel(bounds: &Bounds) -> f64 {
     const SIZE: Size = Size { width: 1920, height: 1080 };
     let distance = ORBITS[2].factor * base_distance(bounds, SIZE);
     distance / spherical_camera(bounds.center(), 0.0, 0.0, distance).focal_pixels(SIZE)
+}
+
+/// Settings by which the blocks of a job are made.
+#[derive(Clone, Copy)]
+pub(crate) struct BlockSetup<'a> {
+    pub plan: &'a CompressionPlan,
+    pub limits: &'a Limits,
+    pub on_stop: StopPolicy,
+    pub context: &'a Context<'a>,
+}
+
+/// The fate of a training run that the caller stops.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum StopPolicy {
+    /// The best so far is coded.
+    KeepBest,
+    /// The work is given up, to be taken up again from its pieces.
+    GiveUp,
 }

@@ -1,25 +1,19 @@
 //! From particles to a measured file, in one process.
 
-use super::FieldSelection;
 use super::block::CodedBlock;
 use super::certify::DecodedFile;
 use super::clock::Clock;
-use super::executor::do_blocks;
-use super::in_memory::InMemoryBlocks;
+use super::executor::{InMemoryBlocks, do_blocks};
 use super::options::Options;
-use super::plan::CompressionPlan;
-use super::search;
-use super::setup::{BlockSetup, StopPolicy};
+use super::plan::{BlockSetup, CompressionPlan, StopPolicy};
 use super::shared_species::SharedLayer;
 use super::thickness::Thickness;
-use super::total_size::compress_to_total;
-#[cfg(doc)]
-use particlegs_core::Error;
-use particlegs_core::Result;
-use particlegs_core::checkpoint::CheckpointStore;
+use super::{FieldSelection, search};
+use particlegs_core::checkpoint::{CheckpointStore, NoCheckpoints};
 use particlegs_core::context::Context;
-use particlegs_core::model::{GoalResult, Metadata, Model};
+use particlegs_core::model::{GoalResult, Metadata, Model, Target};
 use particlegs_core::space::Bounds;
+use particlegs_core::{Error, Result};
 use particlegs_files::memory::require;
 use particlegs_files::output;
 use particlegs_fit::memory_needed;
@@ -116,6 +110,7 @@ impl<'a> Compression<'a> {
         let mut clock = Clock::default();
         let mut source = LayeredParticles::from_particles(particles);
         source.meta.fields = omitted.to_vec();
+        // One block has no cuts, and needs no sample to find them.
         let scan = clock.time("read", || SnapshotScan::new(&source, &particles.meta.name, blocks != 1, context))?;
         let mut plan = clock.time("divide", || CompressionPlan::new(options, &source, &scan, blocks, context))?;
         let mut layer_bounds = scan.layer_bounds(&source);
@@ -158,7 +153,7 @@ impl<'a> Compression<'a> {
     }
 
     /// The model without fields.
-    pub(super) fn fit(self, checkpoints: &mut dyn CheckpointStore, context: &Context<'_>) -> Result<CompressedModel> {
+    fn fit(self, checkpoints: &mut dyn CheckpointStore, context: &Context<'_>) -> Result<CompressedModel> {
         let Compression { particles, options, fields: _, plan, layer_bounds, shared, mut clock } = self;
         let mut trained = Vec::new();
         // What cannot be measured is refused before anything is fitted.
@@ -206,5 +201,95 @@ impl<'a> Compression<'a> {
         let thickness_note = Thickness::new(particles, &plan.metadata.bounds).and_then(|t| t.note(&model));
         let notes = plan.notes.iter().cloned().chain(size_note).chain(thickness_note).collect();
         Ok(CompressedModel { bytes, model, reached, step_factor, trained, stopped, notes, seconds })
+    }
+}
+
+/// Fits at most.
+const FITS: usize = 6;
+/// A file that fills this share of the size is good enough, and the share that the next one is to fill.
+const FILLED: f64 = 0.98;
+const AIM: f64 = 0.99;
+/// Bytes that a Gaussian and a number of a field take about: for the first fit.
+const GAUSSIAN: f64 = 5.0;
+const NUMBER: f64 = 3.0;
+
+/// Compresses particles to a file that has at most the size of the target with its fields. The recipe of the file has
+/// the size that positions and masses got.
+///
+/// # Errors
+/// [`Error::Unreachable`] where no fit gives such a file; those of a compression.
+fn compress_to_total(
+    particles: &Particles,
+    options: &Options,
+    fields: &FieldSelection<'_>,
+    context: &Context<'_>,
+) -> Result<CompressedModel> {
+    let Target::Size(total) = options.target else { return Err(Error::argument("the target is not a size")) };
+    let numbers: usize = fields.quantities().iter().map(|q| q.component_names().len()).sum();
+    let mut size = (total as f64 * GAUSSIAN / (GAUSSIAN + NUMBER * numbers as f64)) as u64;
+    let (mut best, mut fits) = (None::<CompressedModel>, Vec::new());
+    for _ in 0..FITS {
+        let options = Options { target: Target::Size(size.max(1)), ..options.clone() };
+        let planned = Compression::of_positions(particles, fields.omitted(), &options, context);
+        let mut done = match planned.and_then(|planned| planned.fit(&mut NoCheckpoints, context)) {
+            // Less than the positions alone need: the best so far stands.
+            Err(Error::Unreachable { .. }) => break,
+            done => done?,
+        };
+        done.notes.splice(0..0, fields.notes().iter().cloned());
+        let filled = done.bytes.len() as f64 > FILLED * size as f64;
+        let done = fields.add_to_model(done, context)?;
+        let whole = done.bytes.len() as u64;
+        context.message(&format!("{size} bytes for positions and masses: {whole} bytes with fields"));
+        fits.push([size as f64, whole as f64]);
+        if whole <= total {
+            // A fit that does not fill its size would make nothing of a larger one.
+            let enough = whole as f64 >= FILLED * total as f64 || !filled;
+            best = best.filter(|b| b.bytes.len() as u64 > whole).or(Some(done));
+            if enough {
+                break;
+            }
+        }
+        size = next_size(&fits, total as f64);
+    }
+    best.ok_or_else(|| {
+        let message = format!("no file of at most {total} bytes stores these positions and fields");
+        Error::unreachable(message, "use a larger size, or fewer fields")
+    })
+}
+
+/// The size to try, by sizes and whole sizes so far: on the line between the largest that was small enough and the
+/// smallest that was not; else through the last two.
+fn next_size(fits: &[[f64; 2]], total: f64) -> u64 {
+    let aim = AIM * total;
+    let low = fits.iter().filter(|f| f[1] <= total).max_by(|a, b| a[0].total_cmp(&b[0]));
+    let high = fits.iter().filter(|f| f[1] > total).min_by(|a, b| a[0].total_cmp(&b[0]));
+    let last = fits[fits.len() - 1];
+    let [a, b] = match (low, high) {
+        (Some(low), Some(high)) => [*low, *high],
+        _ => [last, fits.iter().rev().nth(1).copied().unwrap_or([0.0; 2])],
+    };
+    // No file grows by less than its positions do.
+    let slope = ((b[1] - a[1]) / (b[0] - a[0])).max(1.0);
+    // A line through two sizes that are close together may point anywhere, so the step is bounded.
+    (a[0] + (aim - a[1]) / slope).clamp(0.3 * last[0], 3.0 * last[0]) as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_found_where_fields_grow_unevenly() {
+        // Many Gaussians at first, then only finer numbers.
+        let whole = |size: f64| size + 3.0 * size.min(20_000.0) + 0.3 * (size - 20_000.0).max(0.0).sqrt();
+        for total in [5e3, 2e4, 7e4, 9e4, 2e5] {
+            let mut fits = vec![[0.4 * total, whole(0.4 * total)]];
+            while fits.len() < FITS && !(FILLED * total..=total).contains(&fits[fits.len() - 1][1]) {
+                let next = next_size(&fits, total) as f64;
+                fits.push([next, whole(next)]);
+            }
+            assert!((FILLED * total..=total).contains(&fits[fits.len() - 1][1]), "{total}: {fits:?}");
+        }
     }
 }

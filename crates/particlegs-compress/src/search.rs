@@ -139,6 +139,7 @@ fn next(above: Option<SearchTrial>, below: Option<SearchTrial>, wanted: f64, sca
         }
         (Some(t), None) | (None, Some(t)) => {
             let (doublings, [least, most]) = ((wanted - t.height) / scale.a_doubling, scale.steps);
+            // The bounds on a step hold for fewer Gaussians as for more.
             t.number * libm::exp2(doublings.abs().clamp(least, most).copysign(doublings))
         }
         (None, None) => 1.0,

@@ -3,7 +3,7 @@
 
 use super::Options;
 use super::block::CodedBlock;
-use super::sharing_policy::SharingPolicy;
+use super::options::SharingPolicy;
 use super::sharing_trial::SharingTrial;
 use particlegs_core::codec::{CodedLayer, FieldPrecision, SHARE, StoredSection};
 use particlegs_core::context::Context;

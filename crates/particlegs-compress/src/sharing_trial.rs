@@ -70,6 +70,7 @@ impl SharingTrial {
             let (separate, bytes) = region.fit(SharingPolicy::No, number, radius, context)?;
             let (mut shared, with_shares) = region.fit(SharingPolicy::Yes, number, radius, context)?;
             bytes_of_all = [bytes_of_all[0] + bytes, bytes_of_all[1] + with_shares];
+            // Shares take bytes, so the second model is made again for both to take as many.
             let scale = bytes / with_shares;
             if (scale - 1.0).abs() > 0.01 {
                 shared = region.fit(SharingPolicy::Yes, number * scale, radius, context)?.0;
@@ -102,6 +103,7 @@ impl RegionHalves {
         if inside.len() < FEWEST || domain.length.iter().any(|l| *l <= 0.0) {
             return Ok(None);
         }
+        // A region does not repeat at its own faces.
         inside.meta.cell = None;
         let half = |left_out| {
             let half = Selection { sample: Some(inside.len() as u64 / 2), left_out, seed, ..Selection::all() };

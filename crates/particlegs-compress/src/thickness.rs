@@ -17,6 +17,7 @@ impl Thickness {
     /// `None` where the bounds are not flat.
     pub fn new(particles: &Particles, bounds: &Bounds) -> Option<Thickness> {
         let axis = bounds.thin_axis()?;
+        // About the middle, so that the difference of the squares keeps its digits.
         let pivot = bounds.center()[axis] - particles.origin[axis];
         let parts = particles.par_chunks(|_, chunk| {
             let places = chunk.position[axis].iter().map(|&v| f64::from(v) - pivot);

@@ -12,7 +12,6 @@ pub mod checkpoint;
 pub mod context;
 pub mod error;
 mod hash;
-mod hint;
 pub mod math;
 pub mod memory;
 mod named;
@@ -29,6 +28,5 @@ pub mod model;
 pub mod codec;
 pub mod render;
 
-pub use error::{Error, Result};
-pub use hint::Hint;
+pub use error::{Error, Hint, Result};
 pub use named::NamedValue;

@@ -21,6 +21,7 @@ const MOST: usize = 1024;
 fn each(n: usize, action: &(dyn Fn(usize) + Sync)) {
     let next = AtomicUsize::new(0);
     let work = || {
+        // Relaxed, as the counter orders nothing: results are handed over by locks and by the end of the scope.
         while let i = next.fetch_add(1, Ordering::Relaxed)
             && i < n
         {
@@ -69,6 +70,7 @@ pub fn map_range<R: Send>(n: usize, value_of: impl Fn(usize) -> R + Sync) -> Vec
 pub fn try_map_range<R: Send, E: Send>(n: usize, value_of: impl Fn(usize) -> Result<R, E> + Sync) -> Result<Vec<R>, E> {
     let failed = AtomicUsize::new(n);
     let one = |i: usize| {
+        // Items before the first error so far go on, as one of them may fail, too.
         let result = (i < failed.load(Ordering::Relaxed)).then(|| value_of(i))?;
         if result.is_err() {
             failed.fetch_min(i, Ordering::Relaxed);
@@ -133,6 +135,7 @@ pub fn for_each_chunk_with<T: Send, S>(
     scratch: impl Fn() -> S + Sync,
     each: impl Fn(&mut S, usize, &mut [T]) + Sync,
 ) {
+    // Chunks are joined to runs, so that scratch space is made once for many.
     let run = piece(values.len().div_ceil(size));
     for_each(values.chunks_mut(run * size).enumerate(), |(k, values)| {
         let mut scratch = scratch();
@@ -147,6 +150,7 @@ pub struct Scratch<S>(Mutex<Vec<S>>);
 impl<S: Default> Scratch<S> {
     /// `work` with scratch space as the last to use it left it.
     pub fn with<R>(&self, work: impl FnOnce(&mut S) -> R) -> R {
+        // Taken out, so that no lock is held during the work.
         let last = lock(&self.0).pop();
         let mut scratch = last.unwrap_or_default();
         let result = work(&mut scratch);

@@ -51,6 +51,7 @@ impl Coloring {
                 let densities: Vec<f64> = model.layers.iter().flat_map(densities).collect();
                 let [low, high] = range.unwrap_or_else(|| ends(&densities));
                 let span = (high / low).ln();
+                // Equal densities all have the middle colour.
                 let t = |density: f64| if span > 0.0 { (density / low).ln() / span } else { 0.5 };
                 let color =
                     |(density, grey): (&f64, f32)| map.color(t(*density) as f32).map(|v| f32::from(v) / 255.0 * grey);

@@ -41,6 +41,7 @@ fn head(model: &Model) -> String {
     let m = &model.metadata;
     let unit = |unit: Option<&str>, power: &str| match unit.map(one_line) {
         None => String::new(),
+        // `kpc/h^2` would square h alone.
         Some(u) if !power.is_empty() && u.contains(['/', ' ']) => format!(" [({u}){power}]"),
         Some(u) => format!(" [{u}{power}]"),
     };
@@ -85,6 +86,7 @@ fn field(out: &mut String, one: &LayerGaussian<'_>, q: &Quantity) {
     let components = numbers.mean.len();
     let mut buffer = zmij::Buffer::new();
     for k in 0..components {
+        // The diagonal of a matrix that is stored row by row.
         let dispersion = numbers.spread[k * (components + 1)].sqrt();
         let dispersion = if q.logarithmic { dispersion / LN_10 } else { dispersion };
         for number in [numbers.mean[k], dispersion] {

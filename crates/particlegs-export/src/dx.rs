@@ -1,7 +1,7 @@
 //! Density as an OpenDX scalar field, as APBS writes it and VMD, PyMOL and ChimeraX read it: text, values at the
 //! middles of the cells, z fastest: <https://apbs.readthedocs.io/en/latest/formats/opendx.html>.
 
-use super::angstrom::AngstromGrid;
+use super::grid::AngstromGrid;
 use super::{Density, Notes, RUN, written};
 use particlegs_core::Result;
 use particlegs_core::context::Context;

@@ -1,8 +1,7 @@
 //! Density as a FITS cube (FITS Standard 4.0): a primary array of float32, x fastest, with linear world coordinates,
 //! and an image extension like it for the mean and the dispersion of each component of each field.
 
-use super::ascii::ascii;
-use super::{Density, Notes, written};
+use super::{Density, Notes, ascii, written};
 use particlegs_core::Result;
 use particlegs_core::context::Context;
 use particlegs_core::model::{Dimension, Unit};
@@ -38,11 +37,13 @@ impl UnitScale {
         let unit = |key: &str, dimension: Dimension| {
             let (number, name, size, _, power) = Unit::parts(notes.text(key)?, dimension)?;
             let whole = power as i32;
+            // Only whole powers of a stated h can be taken into the numbers.
             let h = if power == 0.0 { 1.0 } else { hubble.filter(|_| whole as f32 == power)?.powi(whole) };
             let renamed = RENAMED.iter().find(|n| n.0 == name).map(|n| n.1);
             let known = renamed.or_else(|| SAME.split(' ').find(|same| *same == name));
             Some(known.map_or((number * size * h, dimension.base()), |known| (number * h, known)))
         };
+        // Numbers of particles need no unit.
         let counted = notes.facts.get("mass").is_none();
         let mass = if counted { Some((1.0, "")) } else { unit("mass_unit", Dimension::Mass) };
         match (unit("length_unit", Dimension::Length), mass) {
@@ -83,6 +84,7 @@ pub fn write(density: &Density, notes: &Notes, out: &Path, context: &Context<'_>
                 sink.check()?;
                 sink.put(&run.iter().flat_map(|v| ((f64::from(*v) * by) as f32).to_be_bytes()).collect::<Vec<u8>>())
             })?;
+            // The standard fills the last block of data with zeros.
             sink.put(&vec![0; (bytes.next_multiple_of(BLOCK) - bytes) as usize])?;
         }
         Ok(())
@@ -126,6 +128,7 @@ fn head(density: &Density, notes: &Notes, scale: &UnitScale) -> Vec<u8> {
         head.card("EXTEND", "T", "fields follow");
     }
     match &scale.density_unit {
+        // BUNIT holds units of the standard; any other is under a name that it does not know.
         Some(unit) => head.text("BUNIT", unit, ""),
         None => head.text("DENUNIT", &density.unit, "unit of density"),
     }
@@ -162,6 +165,7 @@ impl FitsHeader {
     /// A number or a truth value in the fixed place of the standard.
     fn card(&mut self, name: &str, value: &str, comment: &str) {
         let comment = if comment.is_empty() { String::new() } else { format!(" / {comment}") };
+        // The standard puts numbers into columns 11 to 30, aligned to the right.
         self.push(&format!("{name:<8}= {value:>20}{comment}"));
     }
 
@@ -179,6 +183,7 @@ impl FitsHeader {
         for (k, axis) in ["X", "Y", "Z"].iter().enumerate() {
             let n = k + 1;
             self.text(&format!("CTYPE{n}"), axis, "linear");
+            // Cells are counted from 1, and a whole number is the centre of one.
             self.card(&format!("CRPIX{n}"), "1.0", "centre of the first cell");
             self.number(&format!("CRVAL{n}"), (grid.min[k] + 0.5 * grid.side[k]) * scale.length, "its coordinate");
             self.number(&format!("CDELT{n}"), grid.side[k] * scale.length, "edge of a cell");
@@ -196,6 +201,7 @@ impl FitsHeader {
     fn text(&mut self, name: &str, text: &str, comment: &str) {
         let mut quoted = String::new();
         for c in ascii(text).chars() {
+            // A quote is doubled, and the two are never parted.
             let letter = if c == '\'' { "''".to_string() } else { c.to_string() };
             if quoted.len() + letter.len() > TEXT {
                 break;
@@ -203,6 +209,7 @@ impl FitsHeader {
             quoted += &letter;
         }
         let comment = if comment.is_empty() { String::new() } else { format!(" / {comment}") };
+        // At least eight letters: XTENSION must be `'IMAGE   '`.
         let value = format!("'{quoted:<8}'");
         self.push(&format!("{name:<8}= {value:<20}{comment}"));
     }
@@ -218,6 +225,7 @@ impl FitsHeader {
                 line.push(' ');
             }
             line += word;
+            // A word that is longer than a card is cut.
             while line.len() > COMMENT {
                 let rest = line.split_off(COMMENT);
                 self.push(&format!("COMMENT {line}"));

@@ -52,6 +52,7 @@ pub fn write(
     if bytes == 0 {
         return Err(Error::argument("the model has no Gaussians; glTF cannot store empty arrays"));
     }
+    // GLB counts in 32 bits; a MiB is left for the document.
     if form == GltfForm::Binary && bytes > u64::from(u32::MAX) - (1 << 20) {
         let message = format!("{} Gaussians do not fit into a GLB file, which is limited to 4 GiB", model.gaussians());
         return Err(Error::argument_with(
@@ -60,6 +61,7 @@ pub fn write(
         ));
     }
     let text = if form == GltfForm::Text { bytes / 3 * 4 } else { 0 };
+    // The columns and the buffer; as text its base64, alone and in the document.
     context.require_memory("a glTF", 2 * bytes + 2 * text)?;
     let (document, binary) = scene(model, colors, notes, context)?;
     match form {
@@ -102,6 +104,7 @@ fn scene(model: &Model, colors: Option<&[[f32; 3]]>, notes: &Notes, context: &Co
             } else {
                 binary.extend(columns.floats[k].iter().flat_map(|v| v.to_le_bytes()));
             }
+            // glTF requires the extent of positions, and of nothing else.
             if *name == "POSITION" {
                 let [min, max] = columns.extent();
                 (accessor["min"], accessor["max"]) = (json!(min), json!(max));
@@ -157,6 +160,7 @@ impl LayerArrays {
             sizes.extend(deviations.map(|d| (d * frame.scale) as f32));
             opacities.push(opacity.clamp(0.0, 1.0));
             harmonics.extend(color.map(|v| (v - 0.5) / HARMONIC));
+            // COLOR_0 is linear by definition; the harmonics are sRGB, as `colorSpace` says.
             columns.fallback.extend(color.map(|v| byte(linear(v))));
             columns.fallback.push(byte(opacity));
         }
@@ -187,6 +191,7 @@ fn byte(share: f32) -> u8 {
 /// A GLB: a head, and chunks that begin at multiples of four.
 fn binary_file(document: Value, binary: &[u8], out: &Path, context: &Context<'_>) -> Result<u64> {
     let mut text = serde_json::to_vec(&document).expect("plain data");
+    // A chunk of JSON is filled up with blanks.
     text.resize(text.len().next_multiple_of(4), b' ');
     // A Gaussian's bytes are a multiple of four, and so are those of all.
     let length = 12 + 8 + text.len() as u64 + 8 + binary.len() as u64;

@@ -1,9 +1,10 @@
-//! A model's density on a grid, integrated over its cells, and the means of its fields over them.
+//! A model's density on a grid, integrated over its cells, and the means of its fields over them; its lengths in
+//! Angstrom, the only unit that viewers of molecules know.
 
-use super::Kind;
+use super::{Kind, Notes, ascii};
 use particlegs_core::context::Context;
 use particlegs_core::math::float32_holds;
-use particlegs_core::model::{Metadata, Model, Quantity};
+use particlegs_core::model::{Dimension, Metadata, Model, Quantity, Unit};
 use particlegs_core::{Error, Hint, Result};
 use particlegs_measure::stats::{Assignment, Grid, MeanAndDispersion, Subject, deposit, field_in_cells};
 use particlegs_particles::Domain;
@@ -129,6 +130,7 @@ fn narrow(values: &[f64], name: &str) -> Result<Vec<f32>> {
     let finite_values = || values.iter().copied().filter(|v| v.is_finite());
     let [least, largest] =
         [finite_values().fold(f64::INFINITY, f64::min), finite_values().fold(f64::NEG_INFINITY, f64::max)];
+    // No value is finite where the least is above the largest.
     match least > largest || float32_holds([least, largest]) {
         true => Ok(values.iter().map(|v| *v as f32).collect()),
         false => Err(Error::argument_with(
@@ -145,11 +147,13 @@ impl Density {
         let grid = cells.over_model(model)?;
         let subject = Subject::Model(model);
         context.begin("density", 0);
+        // Of a model this is the integral over each cell, whatever the assignment.
         let field = deposit(subject, &grid, Assignment::Ngp, 0.0, context)?;
         context.end();
         let total = field.mass.iter().map(|m| f64::from(*m)).sum();
         let volume: f64 = grid.side.iter().product();
         let mut values = field.mass;
+        // In f64, since float32 may not hold the volume of a cell.
         values.iter_mut().for_each(|v| *v = (f64::from(*v) / volume) as f32);
         if values.iter().any(|v| !v.is_finite()) || volume.is_nan() {
             return Err(Error::argument("the density in the units of the file does not fit into float32"));
@@ -195,6 +199,7 @@ impl Density {
             let number = planes.min(nz - first);
             for i in 0..nx {
                 for j in 0..ny {
+                    // Values lie with z fastest: these of one row are read together.
                     let row = (i * ny + j) * nz + first;
                     for (c, column) in columns.iter().enumerate() {
                         for (k, v) in column[row..row + number].iter().enumerate() {
@@ -219,5 +224,71 @@ pub fn density_unit(m: &Metadata, masses_known: bool, power: u8) -> String {
         None => format!("{mass} / length^{power}"),
         Some(l) if l.contains(['/', ' ']) => format!("{mass} / ({l})^{power}"),
         Some(l) => format!("{mass} / {l}^{power}"),
+    }
+}
+
+/// A grid's lengths and densities in Angstrom, where their unit is one of molecules; as they are elsewhere.
+pub struct AngstromGrid {
+    /// The middle of the first cell.
+    pub origin: [f64; 3],
+    pub side: [f64; 3],
+    /// Factor on values.
+    pub by: f64,
+    /// Notes of the file, a line each.
+    pub lines: Vec<String>,
+}
+
+impl AngstromGrid {
+    pub fn new(density: &Density, notes: &Notes) -> AngstromGrid {
+        let scale = scale(notes.text("length_unit"));
+        let length = scale.unwrap_or(1.0);
+        let side = density.grid.side.map(|s| s * length);
+        let origin = [0, 1, 2].map(|k| density.grid.min[k] * length + 0.5 * side[k]);
+        let amount_unit = density.unit.split_once(" / ").map_or(&density.unit[..], |unit| unit.0);
+        let unit_line = match scale {
+            Some(_) => format!("this file: lengths in Angstrom, density in {amount_unit} / Angstrom^3"),
+            None => format!("this file: lengths as they are, density in {}", density.unit),
+        };
+        let lines = std::iter::once(ascii(&unit_line)).chain(notes.lines()).collect();
+        AngstromGrid { origin, side, by: length.powi(-3), lines }
+    }
+}
+
+/// A unit of length in Angstrom, if it is one of molecules: below a micrometre.
+fn scale(unit: Option<&str>) -> Option<f64> {
+    // Units with powers of a or h are those of cosmology.
+    let size = |text: &str| Unit::parts(text, Dimension::Length).filter(|unit| (unit.3, unit.4) == (0.0, 0.0));
+    let (number, _, size, ..) = unit.and_then(size)?;
+    // In as many digits as units have.
+    let angstrom: f64 = format!("{:.11e}", number * size / 1e-10).parse().ok()?;
+    Some(angstrom).filter(|length| *length > 0.0 && *length < 1e4)
+}
+
+/// A note on the unit of length, if a file of this kind loses it.
+pub fn lost_unit(kind: Kind, unit: Option<&str>) -> Option<String> {
+    let is_lost = matches!(kind, Kind::Dx | Kind::Mrc) && scale(unit).is_none();
+    let unit = unit.map_or("an unstated unit".into(), ascii);
+    is_lost.then(|| format!("the unit of length: numbers are in {unit}, and viewers take them for Angstrom"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_of_molecules_are_in_angstrom() {
+        for (unit, length) in [
+            (Some("nm"), Some(10.0)),
+            (Some("Angstrom"), Some(1.0)),
+            (Some("pm"), Some(0.01)),
+            (Some("Mpc/h"), None),
+            (Some("m"), None),
+            (Some("sigma"), None),
+            (None, None),
+        ] {
+            assert_eq!(scale(unit), length, "{unit:?}");
+            assert_eq!(lost_unit(Kind::Mrc, unit).is_some(), length.is_none());
+        }
+        assert_eq!(lost_unit(Kind::Vti, None), None);
     }
 }

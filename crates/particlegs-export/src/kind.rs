@@ -114,6 +114,7 @@ impl Kind {
             Kind::Vti => kept("a VTK ImageData", |_, head| holds(head, "\"ImageData\"")),
             Kind::Fits => kept("a FITS", |_, head| head.starts_with(b"SIMPLE  =")),
             Kind::Dx => kept("an OpenDX", |_, head| holds(head, "class gridpositions counts")),
+            // Word 53 of the header is this name.
             Kind::Mrc => kept("an MRC", |_, head| head.get(208..212) == Some(b"MAP ")),
             Kind::Npz => kept("a NumPy archive", |_, head| head.starts_with(b"PK")),
             Kind::Html => kept("an HTML page", |_, head| head.starts_with(b"<!doctype html>")),

@@ -4,8 +4,6 @@
 
 #![allow(missing_docs)]
 
-mod angstrom;
-mod ascii;
 mod colors;
 mod csv;
 mod dx;
@@ -85,6 +83,12 @@ fn written(
     // What was asked for says more than that writing was interrupted.
     context.check()?;
     done.map(|()| bytes)
+}
+
+/// A text on one line, with an escape for what is not ASCII: many heads hold nothing else.
+fn ascii(text: &str) -> String {
+    let plain = |c: char| c == ' ' || c.is_ascii_graphic();
+    text.chars().map(|c| if plain(c) { c.to_string() } else { c.escape_default().to_string() }).collect()
 }
 
 pub fn write_as_splats(

@@ -1,7 +1,7 @@
 //! Density as an MRC2014 map, which CCP4's are: float32, x fastest, the cell in Angstrom:
 //! <https://www.ccpem.ac.uk/mrc-format/mrc2014/>.
 
-use super::angstrom::AngstromGrid;
+use super::grid::AngstromGrid;
 use super::{Density, Notes, written};
 use particlegs_core::Result;
 use particlegs_core::context::Context;
@@ -36,6 +36,7 @@ fn head(density: &Density, grid: &AngstromGrid) -> Vec<u8> {
     let mut head = vec![0; HEADER];
     // Words are counted from 1.
     let mut put = |word: usize, bytes: [u8; 4]| head[4 * (word - 1)..4 * word].copy_from_slice(&bytes);
+    // Sizes of the array and of the cell, its edges and angles, the order of axes, the origin.
     for k in 0..3 {
         put(1 + k, (cells[k] as u32).to_le_bytes());
         put(8 + k, (cells[k] as u32).to_le_bytes());

@@ -1,8 +1,7 @@
 //! Notes of an exported file: its source, and what is lost.
 
-use super::angstrom::lost_unit;
-use super::ascii::ascii;
-use super::{Group, Kind};
+use super::grid::lost_unit;
+use super::{Group, Kind, ascii};
 use particlegs_core::camera::Normalisation;
 use particlegs_core::model::{LawKind, Model, Quantity};
 use serde_json::{Map, Value, json};

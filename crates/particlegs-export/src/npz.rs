@@ -55,6 +55,7 @@ fn columns(model: &Model) -> Vec<NpzColumn<'_>> {
     }
     for q in &model.metadata.fields {
         let name = &q.name;
+        // Sides of the mean, the slope and the spread.
         let (sides, spread): ([&[u64]; 3], _) = match q.component_names().len() {
             1 => ([&[], &[3], &[]], "variance"),
             _ => ([&[3], &[3, 3], &[3, 3]], "covariance"),

@@ -69,6 +69,7 @@ fn blended(g: &mut Mixture, radius: f64, opacity: f64) -> Result<()> {
         }
         let splat = wide.scale(flatter(tau));
         (0..6).for_each(|k| g.cov[k][i] = splat.0[k]);
+        // `exp_m1` keeps the digits of faint splats.
         columns.opacity.push((-(-tau).exp_m1()).clamp(EDGE, 1.0 - EDGE));
     }
     g.law = Law::AlphaBlend(columns);
@@ -89,6 +90,7 @@ fn flatter(tau: f64) -> f64 {
     /// From here on the rest of the logarithm is below 1e-10; before, the series keeps seven digits.
     const LARGE: f64 = 20.0;
     const EULER: f64 = 0.577_215_664_901_532_9;
+    // The quotient would be 0 / 0; this is its limit.
     if tau < f64::EPSILON {
         return 1.0;
     }
@@ -96,6 +98,7 @@ fn flatter(tau: f64) -> f64 {
         tau.ln() + EULER
     } else {
         let (mut sum, mut term, mut k) = (0.0, 1.0, 0.0);
+        // Terms grow until k is beyond tau, so that a small one before says nothing.
         while k < 2.0 * LARGE || f64::abs(term) > 1e-17 {
             k += 1.0;
             term *= -tau / k;

@@ -1,7 +1,6 @@
 //! Density and fields as VTK ImageData (VTI): cell data, appended raw.
 
-use super::ascii::ascii;
-use super::{Density, Notes, written};
+use super::{Density, Notes, ascii, written};
 use particlegs_core::Result;
 use particlegs_core::context::Context;
 use particlegs_core::text::xml;
@@ -83,6 +82,7 @@ fn text(density: &Density, arrays: &[CellArray<'_>], notes: &Notes, xml: &mut St
     writeln!(xml, "    </FieldData>")?;
     writeln!(xml, "    <Piece Extent=\"0 {nx} 0 {ny} 0 {nz}\">")?;
     writeln!(xml, "      <CellData Scalars=\"density\">")?;
+    // Offsets are counted from behind the underscore, and every array has its length before it.
     let mut offset = 0;
     for array in arrays {
         let (name, components) = (attribute(&array.name), array.columns.len());
@@ -92,6 +92,7 @@ fn text(density: &Density, arrays: &[CellArray<'_>], notes: &Notes, xml: &mut St
         offset += array.bytes();
     }
     writeln!(xml, "      </CellData>\n    </Piece>\n  </ImageData>")?;
+    // The underscore is part of the format: raw data begins behind it.
     write!(xml, "  <AppendedData encoding=\"raw\">_")
 }
 

@@ -28,6 +28,7 @@ pub fn about(camera: &Camera, size: Size, unit: &str) -> Result<[EdgeAxis; 2]> {
         let world_axis = (0..3).find(|a| (along[*a].abs() - 1.0).abs() < ALONG);
         match world_axis {
             Some(a) => {
+                // Seen from behind, an axis of the world runs to the left or downwards: its ends change places.
                 let (center, sign) = (camera.focal_point[a], along[a].signum());
                 let from = offset(center, half[k]);
                 let name = ["x", "y", "z"][a];
@@ -55,6 +56,7 @@ fn step(half: f64) -> f64 {
 
 /// `x − 212000`.
 fn counted(name: &str, from: f64, half: f64) -> String {
+    // The origin is a whole number of steps: further decimals would be zeros.
     let digits = (-step(half).log10().round()).clamp(0.0, 300.0) as usize;
     let sign = if from > 0.0 { '\u{2212}' } else { '+' };
     if from == 0.0 { name.into() } else { format!("{name} {sign} {:.digits$}", from.abs()) }

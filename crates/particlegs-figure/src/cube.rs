@@ -31,6 +31,7 @@ impl LineView {
     fn new(camera: &Camera, size: Size) -> Result<Self> {
         let near = match camera.projection {
             Projection::Perspective { .. } => NEAR * camera.distance(),
+            // Parallel lines of sight meet nowhere: what is behind the camera has a place, too.
             Projection::Orthographic { .. } => f64::NEG_INFINITY,
         };
         let (frame, focal, projection) = (camera.frame()?, camera.focal_pixels(size), camera.projection);
@@ -95,6 +96,7 @@ pub fn edges(camera: &Camera, size: Size, bounds: &Bounds, cell: Option<&Cell>) 
     for axis in 0..3 {
         for others in 0..4 {
             let mut from = [0; 3];
+            // Two bits are the ends along the other two axes: of four parallel edges each has one pair.
             (from[(axis + 1) % 3], from[(axis + 2) % 3]) = (others & 1, others >> 1);
             let mut to = from;
             to[axis] = 1;
@@ -153,6 +155,7 @@ fn within([a, b]: [[f64; 2]; 2]) -> Option<[[f64; 2]; 2]> {
     let (mut from, mut to) = (0.0f64, 1.0f64);
     for k in 0..2 {
         for (toward, room) in [(-d[k], a[k]), (d[k], 1.0 - a[k])] {
+            // Parallel to this side, all of the line lies on one side of it.
             if toward == 0.0 {
                 if room < 0.0 {
                     return None;
@@ -160,10 +163,12 @@ fn within([a, b]: [[f64; 2]; 2]) -> Option<[[f64; 2]; 2]> {
                 continue;
             }
             let t = room / toward;
+            // The line comes in through this side, or goes out through it.
             if toward < 0.0 { from = from.max(t) } else { to = to.min(t) }
         }
     }
     let at = |t: f64| [a[0] + t * d[0], a[1] + t * d[1]];
+    // `max` and `min` pass over NaN, so the ends are looked at once more.
     (from < to && at(from).iter().chain(&at(to)).all(|v| v.is_finite())).then(|| [at(from), at(to)])
 }
 

@@ -36,6 +36,7 @@ pub fn placed(text: &str, em: f64) -> (Vec<(GlyphId, f64)>, f64) {
 /// The outline of a glyph whose pen stands at a place.
 pub fn outline(id: GlyphId, em: f64, at: [f64; 2]) -> Option<OutlinedGlyph> {
     let font = font();
+    // `PxScale` counts the height from ascent to descent, not the em.
     let scale = em as f32 * font.height_unscaled() / font.units_per_em().unwrap_or(1.0);
     let scale = PxScale::from(scale);
     font.outline_glyph(id.with_scale_and_position(scale, point(at[0] as f32, at[1] as f32)))

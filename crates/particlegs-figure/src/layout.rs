@@ -38,6 +38,7 @@ pub fn layout(figure: &Figure, em: f64, room: FigureSpace) -> Result<Sheet> {
     match room {
         FigureSpace::Pixels => {
             scale = 1.0;
+            // Whole margins, so that each pixel of a picture is one of the sheet's.
             margins = Margins::new(figure, em, [w, h]).rounded();
         }
         FigureSpace::Width(total) => {
@@ -45,9 +46,11 @@ pub fn layout(figure: &Figure, em: f64, room: FigureSpace) -> Result<Sheet> {
             scale = total / (columns as f64 * w);
             margins = Margins::new(figure, em, [w * scale, h * scale]);
             for _ in 0..3 {
+                // A figure that is too narrow is refused below; until then the scale stays positive.
                 scale = ((total - margins.across(columns)) / (columns as f64 * w)).max(1e-6);
                 margins = Margins::new(figure, em, [w * scale, h * scale]);
             }
+            // These margins are the last, and pictures take exactly what they leave.
             scale = (total - margins.across(columns)) / (columns as f64 * w);
             if scale * w < 2.0 * em {
                 let message = format!("a figure {total:.0} points wide is too narrow for letters of {em} points");
@@ -166,6 +169,7 @@ fn grow(sheet: &mut Sheet, em: f64, room: FigureSpace) {
         let [x, y] = w.at;
         let area = match w.turned {
             false => [x + from, y - w.em, x + from + long, y + 0.3 * w.em],
+            // Turned text is read upwards: it ends above the place where it begins.
             true => [x - w.em, y - from - long, x + 0.3 * w.em, y - from],
         };
         let pad = 0.3 * em;

@@ -83,10 +83,12 @@ impl MarkWriter<'_> {
         for (p, name) in &panel.names {
             let [x, y] = place(*p);
             let half = 0.5 * font::width(name, em);
+            // `clamp` panics where its ends are out of order: a picture may be narrower than the name.
             let x = x.clamp(at.x + half + 0.4 * em, (at.right() - half - 0.4 * em).max(at.x + half + 0.4 * em));
             let lowest = (at.bottom() - 0.7 * em).max(at.y + 1.4 * em);
             self.on_picture(name, [x, (y + 0.3 * em).clamp(at.y + 1.4 * em, lowest)], Anchor::Middle);
         }
+        // On a page of its own colour a picture has no edge to be seen.
         if panel.axes.is_some() || self.page == self.ground {
             let ink = if panel.axes.is_some() { self.page.ink() } else { [128; 3] };
             self.line(at.outline(), ink);
@@ -187,9 +189,11 @@ impl MarkWriter<'_> {
             }
         };
         let title = font::width(&bar.title, em);
+        // On a small picture the bar would hide most of it.
         if !outside && (last.h < 12.0 * em || last.w < title + 2.0 * em) {
             return;
         }
+        // Between pixels the strip and its outline would be blurred.
         let strip = if self.fine { strip } else { PageRectangle { x: strip.x.round(), y: strip.y.round(), ..strip } };
         self.marks.push(Mark::Picture(strip, column(&bar.colours)));
         let ink = if outside { self.page.ink() } else { self.ground.ink() };
@@ -228,6 +232,7 @@ impl MarkWriter<'_> {
     /// Squares of colour with what each stands for, in rows that end at `bottom`.
     pub fn legend(&mut self, rows: &[Vec<LegendEntry<'_>>], left: f64, bottom: f64) {
         let em = self.em;
+        // From the last row up, since the place of the lowest is known.
         for (i, row) in rows.iter().rev().enumerate() {
             let base = bottom - i as f64 * 1.5 * em - 0.2 * em;
             for (x, name, ink) in row {

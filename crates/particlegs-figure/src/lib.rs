@@ -9,14 +9,11 @@
 
 pub mod axes;
 pub mod cube;
-mod file_kind;
 mod font;
-mod image;
 mod layout;
 mod layout_parts;
 mod panel;
 mod pdf;
-mod pdf_font;
 mod plot;
 mod plot_layout;
 pub mod png_file;
@@ -25,13 +22,11 @@ mod sheet;
 mod svg;
 pub mod ticks;
 
-pub use file_kind::FileKind;
 pub use font::missing;
-pub use image::FigureImage;
 pub use layout::{FigureSpace, layout};
-pub use panel::{BarPlacement, ColourBar, EdgeAxis, Figure, Panel, PaperColour, ScaleBar};
+pub use panel::{BarPlacement, ColourBar, EdgeAxis, Figure, FigureImage, Panel, PaperColour, ScaleBar};
 pub use plot::{Plot, PlotAxis, PlotSeries, Point};
 pub use plot_layout::{plot_bytes, shows, write_plots};
 pub use raster::raster;
-pub use sheet::{Anchor, Mark, PageRectangle, RgbColour, Sheet, TextLine};
+pub use sheet::{Anchor, FileKind, Mark, PageRectangle, RgbColour, Sheet, TextLine};
 pub use ticks::{labelled, number};

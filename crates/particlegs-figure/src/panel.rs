@@ -1,9 +1,9 @@
-//! Parts of a figure, before they are placed.
+//! Parts of a figure, before they are placed: its pictures, in grey levels or in colours, and what stands about them.
 
-use super::FigureImage;
 use super::sheet::RgbColour;
 use super::ticks::{TickMarks, logarithmic};
 use particlegs_core::named_values;
+use particlegs_core::picture::{Gray8, Rgb8, Size};
 
 named_values! {
     /// The background of a picture or a page.
@@ -119,5 +119,54 @@ impl ColourBar {
     pub fn logarithmic(title: String, range: [f64; 2], colour: impl Fn(f32) -> RgbColour) -> ColourBar {
         let colours = (0..=255).map(|i| colour(i as f32 / 255.0)).collect();
         ColourBar { title, colours, ticks: logarithmic(range[0], range[1]) }
+    }
+}
+
+/// A picture, top row first.
+#[derive(Clone, Debug, PartialEq)]
+pub enum FigureImage {
+    Gray(Gray8),
+    Color(Rgb8),
+}
+
+impl FigureImage {
+    /// Pixels across and down.
+    pub fn size(&self) -> Size {
+        match self {
+            FigureImage::Gray(g) => g.size,
+            FigureImage::Color(c) => c.size,
+        }
+    }
+
+    /// Its bytes: one a pixel, or three.
+    pub fn bytes(&self) -> &[u8] {
+        match self {
+            FigureImage::Gray(g) => &g.data,
+            FigureImage::Color(c) => c.data.as_flattened(),
+        }
+    }
+
+    pub fn channels(&self) -> usize {
+        match self {
+            FigureImage::Gray(_) => 1,
+            FigureImage::Color(_) => 3,
+        }
+    }
+
+    pub fn pixel(&self, x: usize, y: usize) -> [u8; 3] {
+        let at = y * self.size().width + x;
+        match self {
+            FigureImage::Gray(g) => [g.data[at]; 3],
+            FigureImage::Color(c) => c.data[at],
+        }
+    }
+
+    /// Black for white and white for black: dark ink on a white ground.
+    pub fn inverted(mut self) -> Self {
+        match &mut self {
+            FigureImage::Gray(g) => g.data.iter_mut().for_each(|v| *v = 255 - *v),
+            FigureImage::Color(c) => c.data.as_flattened_mut().iter_mut().for_each(|v| *v = 255 - *v),
+        }
+        self
     }
 }

@@ -1,13 +1,21 @@
-//! A sheet as a PDF of one page: pictures without loss, lines and text as such. The unit is a point.
+//! A sheet as a PDF of one page: pictures without loss, lines and text as such. Of the embedded font it has the glyphs of
+//! the page, with what each is as text. The unit is a point.
 
 use super::FigureImage;
-use super::pdf_font::{PageFont, deflated};
+use super::font::{self, font};
 use super::png_file::{PngMetadata, compressed_rows};
 use super::sheet::{Mark, PageRectangle, RgbColour, Sheet, TextLine};
-use particlegs_core::Result;
-use pdf_writer::types::{LineCapStyle, LineJoinStyle, Predictor, TextRenderingMode};
+use ab_glyph::{Font, GlyphId};
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
+use particlegs_core::{Error, Result};
+use pdf_writer::types::{
+    CidFontType, FontFlags, LineCapStyle, LineJoinStyle, Predictor, SystemInfo, TextRenderingMode, UnicodeCmap,
+};
 use pdf_writer::{Content, Filter, Finish, Name, Pdf, Rect, Ref, Str, TextStr};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Write;
+use subsetter::GlyphRemapper;
 
 const CATALOG: i32 = 1;
 const PAGES: i32 = 2;
@@ -38,6 +46,7 @@ pub fn pdf(sheet: &Sheet, about: &PngMetadata) -> Result<Vec<u8>> {
     }
     named.finish();
     let mut states = resources.ext_g_states();
+    // PDF has no operator for opacity: a page names a state among its resources.
     for percent in opacities(sheet) {
         states
             .insert(Name(format!("G{percent}").as_bytes()))
@@ -74,6 +83,7 @@ fn picture(pdf: &mut Pdf, image_ref: Ref, image: &FigureImage) -> Result<()> {
         1 => object.color_space().device_gray(),
         _ => object.color_space().device_rgb(),
     }
+    // PDF undoes PNG's filters itself, so the compressed rows go in as they are.
     let mut rows = object.decode_parms();
     rows.predictor(Predictor::PngOptimum).colors(image.channels() as i32).columns(size.width as i32);
     Ok(())
@@ -112,6 +122,7 @@ fn content(sheet: &Sheet, font: &PageFont) -> pdf_writer::Buf {
     for mark in &sheet.marks {
         match mark {
             Mark::Picture(a, _) => {
+                // PDF draws every picture on the unit square, from its lower left corner.
                 to.save_state().transform([a.w as f32, 0.0, 0.0, a.h as f32, a.x as f32, up(a.bottom())]);
                 to.x_object(Name(format!("P{pictures}").as_bytes())).restore_state();
                 pictures += 1;
@@ -151,6 +162,7 @@ fn text(to: &mut Content, w: &TextLine, font: &PageFont, height: f64) {
         to.begin_text().set_font(Name(b"F"), w.em as f32).set_text_matrix(matrix).show(Str(&glyphs)).end_text();
     };
     let [r, g, b] = unit(w.ink);
+    // The rim is drawn first: half of its stroke lies under the letters.
     if let Some(rim) = w.rim {
         let [r, g, b] = unit(rim);
         to.save_state().set_stroke_rgb(r, g, b).set_line_width(0.22 * w.em as f32);
@@ -164,4 +176,81 @@ fn text(to: &mut Content, w: &TextLine, font: &PageFont, height: f64) {
 
 fn unit(ink: RgbColour) -> [f32; 3] {
     ink.map(|v| f32::from(v) / 255.0)
+}
+
+/// Six capitals and a plus mark the part of a font.
+const FONT_NAME: Name = Name(b"PRTCLG+DejaVuSans");
+const ADOBE: SystemInfo = SystemInfo { registry: Str(b"Adobe"), ordering: Str(b"Identity"), supplement: 0 };
+
+/// The glyphs that a page has, numbered anew.
+struct PageFont {
+    renumbered: GlyphRemapper,
+    characters: BTreeMap<u16, char>,
+}
+
+impl PageFont {
+    fn of<'a>(texts: impl Iterator<Item = &'a str>) -> Self {
+        let (mut renumbered, mut characters) = (GlyphRemapper::new(), BTreeMap::new());
+        for c in texts.flat_map(str::chars) {
+            characters.insert(renumbered.remap(font().glyph_id(c).0), c);
+        }
+        PageFont { renumbered, characters }
+    }
+
+    /// A text as the page's numbers of glyphs, and its width.
+    fn coded(&self, text: &str, em: f64) -> (Vec<u8>, f64) {
+        let (glyphs, width) = font::placed(text, em);
+        let number = |id: GlyphId| self.renumbered.get(id.0).unwrap_or(0);
+        // Identity-H reads two bytes a glyph, the higher first.
+        (glyphs.into_iter().flat_map(|(id, _)| number(id).to_be_bytes()).collect(), width)
+    }
+
+    /// Writes the font under the number `font_ref`, and what belongs to it under the five that follow.
+    fn write(&self, pdf: &mut Pdf, font_ref: Ref) -> Result<()> {
+        let ref_behind = |k: i32| Ref::new(font_ref.get() + k);
+        let (cid, descriptor, file, unicode) = (ref_behind(1), ref_behind(2), ref_behind(3), ref_behind(4));
+        let face = font();
+        let units = face.units_per_em().unwrap_or(1.0);
+        let thousandths = |v: f32| 1000.0 * v / units;
+        pdf.type0_font(font_ref)
+            .base_font(FONT_NAME)
+            .encoding_predefined(Name(b"Identity-H"))
+            .descendant_font(cid)
+            .to_unicode(unicode);
+        let mut descendant = pdf.cid_font(cid);
+        descendant.subtype(CidFontType::Type2).base_font(FONT_NAME).system_info(ADOBE).font_descriptor(descriptor);
+        descendant.default_width(0.0).cid_to_gid_map_predefined(Name(b"Identity"));
+        let widths = self.renumbered.remapped_gids().map(|id| thousandths(face.h_advance_unscaled(GlyphId(id))));
+        descendant.widths().consecutive(0, widths);
+        descendant.finish();
+        let (ascent, descent) = (thousandths(face.ascent_unscaled()), thousandths(face.descent_unscaled()));
+        pdf.font_descriptor(descriptor)
+            .name(FONT_NAME)
+            // The font has letters beyond the standard Latin ones, such as Σ.
+            .flags(FontFlags::SYMBOLIC)
+            // The bounds of all of DejaVu Sans, in thousandths of an em.
+            .bbox(Rect::new(-1021.0, -463.0, 1793.0, 1232.0))
+            .italic_angle(0.0)
+            .ascent(ascent)
+            .descent(descent)
+            .cap_height(1000.0 * font::CAPITALS as f32)
+            .stem_v(80.0)
+            .font_file2(file);
+        let cut = subsetter::subset(font::FONT, 0, &self.renumbered)
+            .map_err(|e| Error::argument(format!("the font cannot be embedded in the PDF: {e}")))?;
+        // PDF wants the length before compression as well.
+        let length = cut.len() as i32;
+        pdf.stream(file, &deflated(&cut)).filter(Filter::FlateDecode).pair(Name(b"Length1"), length);
+        let mut map = UnicodeCmap::new(Name(b"Custom"), ADOBE);
+        self.characters.iter().for_each(|(glyph, c)| map.pair(*glyph, *c));
+        pdf.cmap(unicode, &map.finish());
+        Ok(())
+    }
+}
+
+fn deflated(bytes: &[u8]) -> Vec<u8> {
+    let mut coder = ZlibEncoder::new(Vec::new(), Compression::default());
+    // Writing to memory cannot fail.
+    let _ = coder.write_all(bytes);
+    coder.finish().unwrap_or_default()
 }

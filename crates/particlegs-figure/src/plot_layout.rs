@@ -1,12 +1,11 @@
 //! Places of all parts of a plot: axes below one another, beside each the names of its curves, levels and bands.
 
-use super::file_kind::FileKind;
 use super::font::{self, CAPITALS};
 use super::layout_parts::{MarkWriter, UNDER};
 use super::panel::{BarPlacement, PaperColour};
 use super::plot::{Plot, PlotAxis, PlotSeries};
 use super::png_file::PngMetadata;
-use super::sheet::{Anchor, Mark, PageRectangle, RgbColour, Sheet};
+use super::sheet::{Anchor, FileKind, Mark, PageRectangle, RgbColour, Sheet};
 use super::ticks::{TickMarks, even, logarithmic, number};
 use particlegs_core::Result;
 use particlegs_files::output::write_bytes;
@@ -87,6 +86,7 @@ fn plot_sheet(plots: &[Plot], em: f64, fine: bool) -> Option<Sheet> {
     let entries: Vec<_> = shown.iter().map(|(plot, y)| entries(plot, x, *y)).collect();
     let longest = entries.iter().flatten().map(|e| font::width(&e.1, 1.0)).fold(0.0, f64::max).min(LONGEST_NAME);
     let left = (up.iter().map(|t| t.widest(em)).fold(0.0, f64::max) + 2.6 * em).ceil();
+    // Half of the last number reaches beyond the axis.
     let right = if longest > 0.0 { longest + SAMPLE + 2.0 } else { 1.0 }.max(0.5 * across.widest(1.0) + 0.5);
     let width = (left + (ACROSS + right) * em).ceil();
     let heights = (0..shown.len()).map(high).sum::<f64>() + GAP * (shown.len() - 1) as f64;
@@ -95,6 +95,7 @@ fn plot_sheet(plots: &[Plot], em: f64, fine: bool) -> Option<Sheet> {
     let (page, place) = (PaperColour::White, BarPlacement::Outside);
     let mut writer = MarkWriter { page, ground: page, place, em, marks: &mut sheet.marks, fine };
     let middle = left + 0.5 * ACROSS * em;
+    // The title stands over the middle of the axes: the nearer edge of the page limits it.
     let room = 2.0 * middle.min(width - middle) - em;
     writer.words_within(&first.title, [middle, 1.8 * em], 1.2 * em, Anchor::Middle, room);
     let mut top = (TITLE * em).ceil();
@@ -102,6 +103,7 @@ fn plot_sheet(plots: &[Plot], em: f64, fine: bool) -> Option<Sheet> {
         let area = PageRectangle { x: left, y: top, w: (ACROSS * em).round(), h: (high(i) * em).round() };
         let last = i + 1 == shown.len();
         let mut across = across.clone();
+        // Plots below one another share the numbers under the lowest.
         if !last {
             across.major.iter_mut().for_each(|t| t.1.clear());
         }
@@ -119,6 +121,7 @@ fn plot_sheet(plots: &[Plot], em: f64, fine: bool) -> Option<Sheet> {
 fn scales(plot: &Plot) -> Option<(AxisScale, AxisScale)> {
     let points = || plot.series.iter().flat_map(|s| &s.points);
     let values = points().flat_map(|p| p.range.into_iter().flatten().chain([p.y]));
+    // Infinite values are identical pictures: they stand at the top edge and need a place along x.
     let seen = points().filter(|p| p.y == f64::INFINITY || p.y.is_finite() && (!plot.y.log || p.y > 0.0));
     let x = AxisScale::new(&plot.x, seen.map(|p| p.x))?;
     Some((x, AxisScale::new(&plot.y, values.chain(plot.levels.iter().map(|l| l.1)))?))
@@ -179,6 +182,7 @@ impl AxisScale {
             }
             (true, _) => logarithmic(10f64.powf(self.low), 10f64.powf(self.high)),
             (false, true) if self.high - self.low > 2.0 => {
+                // No more ticks than whole numbers, or some would stand at halves.
                 let most = (long / apart).min(self.high - self.low);
                 TickMarks { minor: Vec::new(), ..even(self.low, self.high, most) }
             }
@@ -201,6 +205,7 @@ impl AxisScale {
 fn shortened(name: &str, room: f64) -> String {
     let mut text = name.to_string();
     while font::width(&text, 1.0) > room && text.chars().count() > 3 {
+        // From the second round on, the first of these takes away the mark of the round before.
         text.pop();
         text.pop();
         text.push('…');
@@ -230,6 +235,7 @@ fn dashes(points: &[[f64; 2]], [on, off]: [f64; 2]) -> Vec<Vec<[f64; 2]>> {
         let long = (b[0] - a[0]).hypot(b[1] - a[1]);
         let mut at = 0.0;
         while at < long {
+            // A dash goes on around corners: `left` is not reset for a new pair of points.
             let step = left.min(long - at);
             (at, left) = (at + step, left - step);
             let place = [0, 1].map(|k| a[k] + at / long * (b[k] - a[k]));
@@ -295,6 +301,7 @@ fn curve(writer: &mut MarkWriter<'_>, s: &PlotSeries, points: &[[f64; 2]], broke
 }
 
 fn level_line(writer: &mut MarkWriter<'_>, level: usize, ends: [[f64; 2]; 2]) {
+    // Each level has dashes of another length, by which the legend tells them apart.
     let dash = [0.15 + 0.35 * level as f64, 0.35].map(|d| d * writer.em);
     dashes(&ends, dash).into_iter().for_each(|part| writer.line(part, faint(INK, LEVEL)));
 }
@@ -309,6 +316,7 @@ fn marks(writer: &mut MarkWriter<'_>, s: &PlotSeries, at: [f64; 2]) {
         2 => &[[0.0, -1.2], [1.2, 0.9], [-1.2, 0.9]],
         _ => &[[0.0, -1.2], [1.2, 0.0], [0.0, 1.2], [-1.2, 0.0]],
     };
+    // A smaller mark in the page's colour over the first makes it hollow.
     let sizes = [(MARK, colour(s.style)), (0.5 * MARK, writer.page.paper())];
     for (size, ink) in sizes.into_iter().take(1 + usize::from(s.dashed)) {
         let place = |c: &[f64; 2]| [0, 1].map(|k| at[k] + size * writer.em * c[k]);

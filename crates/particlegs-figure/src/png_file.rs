@@ -32,6 +32,7 @@ pub struct PngMetadata {
 /// The bytes of a PNG.
 pub fn coded(image: &FigureImage, about: &PngMetadata) -> Result<Vec<u8>> {
     let bytes = image.bytes();
+    // What does not compress is stored as it is, with a little about it.
     memory::require("writing a picture", bytes.len() as u64 + bytes.len() as u64 / 64)?;
     let fail = |e: png::EncodingError| Error::argument(format!("a picture cannot be written as PNG: {e}"));
     let mut out = Vec::with_capacity(bytes.len() / 4);
@@ -49,6 +50,7 @@ pub fn coded(image: &FigureImage, about: &PngMetadata) -> Result<Vec<u8>> {
         encoder.add_text_chunk("Software".into(), about.software.clone()).map_err(fail)?;
     }
     if let Some(title) = &about.title {
+        // A tEXt chunk holds Latin-1 alone; titles and units have other letters.
         encoder.add_itxt_chunk("Title".into(), title.clone()).map_err(fail)?;
     }
     if !about.provenance.is_empty() {

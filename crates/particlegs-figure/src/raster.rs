@@ -13,6 +13,7 @@ const LARGEST_SIDE: f64 = 65_536.0;
 /// Draws a sheet whose unit is a pixel.
 pub fn raster(sheet: &Sheet) -> Result<Rgb8> {
     let (width, height) = (sheet.width.ceil(), sheet.height.ceil());
+    // In this form the test refuses NaN as well.
     if !(width <= LARGEST_SIDE && height <= LARGEST_SIDE) {
         return Err(Error::argument(format!("a figure of {width} x {height} pixels is too large")));
     }
@@ -122,6 +123,7 @@ impl Coverage {
         let mut wide = Coverage::new([self.columns.clone(), self.rows.clone()]);
         for (x, y, c) in self.pixels() {
             for (dx, dy) in (-reach..=reach).flat_map(|dy| (-reach..=reach).map(move |dx| (dx, dy))) {
+                // A disc whose edge is blended over one pixel.
                 let share = (by + 0.5 - ((dx * dx + dy * dy) as f64).sqrt()).clamp(0.0, 1.0) as f32 * c;
                 if let Some(here) = wide.at(x + dx, y + dy) {
                     *here = here.max(share);
@@ -136,6 +138,7 @@ impl Coverage {
 fn stroke(page: &mut Rgb8, path: &[[f64; 2]], width: f64, ink: RgbColour, opacity: f64) {
     let reach = 0.5 * width + 0.5;
     let mut covered = Coverage::new(window(page, path, reach));
+    // A single point makes a window of one, of which both ends are the same.
     for pair in path.windows(path.len().clamp(1, 2)) {
         let (a, b) = (pair[0], pair[pair.len() - 1]);
         let along = [b[0] - a[0], b[1] - a[1]];
@@ -146,6 +149,7 @@ fn stroke(page: &mut Rgb8, path: &[[f64; 2]], width: f64, ink: RgbColour, opacit
             let t = if squared > 0.0 { ((p[0] * along[0] + p[1] * along[1]) / squared).clamp(0.0, 1.0) } else { 0.0 };
             let away = (p[0] - t * along[0]).hypot(p[1] - t * along[1]);
             if let Some(here) = covered.at(x, y) {
+                // The larger cover and not the sum: segments overlap at corners.
                 *here = here.max((reach - away).clamp(0.0, 1.0) as f32);
             }
         }
@@ -159,6 +163,7 @@ fn polygon(page: &mut Rgb8, corners: &[[f64; 2]], ink: RgbColour) {
     let inside = |[x, y]: [f64; 2]| {
         let sides = corners.iter().zip(corners.iter().cycle().skip(1));
         let crossed = |(a, b): &(&[f64; 2], &[f64; 2])| {
+            // A side has its lower end and not its upper one: a ray through a corner crosses once.
             (a[1] > y) != (b[1] > y) && x < a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0])
         };
         sides.filter(crossed).count() % 2 == 1
@@ -200,6 +205,7 @@ fn write(page: &mut Rgb8, words: &TextLine) {
         let corner = outline.px_bounds().min;
         outline.draw(|x, y, cover| {
             if let Some(here) = covered.at(corner.x as i64 + i64::from(x), corner.y as i64 + i64::from(y)) {
+                // Letters that touch share a pixel.
                 *here = (*here + cover).clamp(0.0, 1.0);
             }
         });

@@ -1,7 +1,13 @@
-//! A sheet: what is drawn, in the order that it is drawn in. The unit is a pixel of a PNG, a point (1/72 inch) of
-//! SVG and PDF; the origin is the upper left corner.
+//! A sheet: what is drawn, in the order that it is drawn in, and its file by the kind of file. The unit is a pixel of a
+//! PNG, a point (1/72 inch) of SVG and PDF; the origin is the upper left corner.
 
 use super::FigureImage;
+use super::pdf::pdf;
+use super::png_file::{PngMetadata, coded};
+use super::raster::raster;
+use super::svg::svg;
+use particlegs_core::{NamedValue, Result, named_values};
+use std::path::Path;
 
 pub type RgbColour = [u8; 3];
 
@@ -96,4 +102,32 @@ pub struct Sheet {
     pub ground: RgbColour,
     /// The marks, in the order of drawing.
     pub marks: Vec<Mark>,
+}
+
+impl Sheet {
+    /// The bytes of the sheet's file.
+    pub fn bytes(&self, kind: FileKind, about: &PngMetadata) -> Result<Vec<u8>> {
+        match kind {
+            FileKind::Png => coded(&FigureImage::Color(raster(self)?), about),
+            FileKind::Svg => Ok(svg(self, about)?.into_bytes()),
+            FileKind::Pdf => pdf(self, about),
+        }
+    }
+}
+
+named_values! {
+    /// Kind of a file, by the ending of its name.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum FileKind {
+        Png = "png": "pixels",
+        Pdf = "pdf": "a page",
+        Svg = "svg": "a drawing",
+    }
+}
+
+impl FileKind {
+    /// By the ending of a name.
+    pub fn from_path(path: &Path) -> Option<FileKind> {
+        FileKind::from_name(&path.extension()?.to_str()?.to_ascii_lowercase()).ok()
+    }
 }

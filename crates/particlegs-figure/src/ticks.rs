@@ -22,6 +22,7 @@ impl TickMarks {
 /// The largest of 1, 2, 5 times a power of ten that is at most `value` (> 0).
 pub fn round_below(value: f64) -> f64 {
     let power = 10f64.powi(value.log10().floor() as i32);
+    // A value that is round but for its last bits counts as itself.
     [5.0, 2.0, 1.0].into_iter().map(|m| m * power).find(|v| *v <= value * (1.0 + 1e-9)).unwrap_or(power)
 }
 
@@ -66,6 +67,7 @@ pub fn even(low: f64, high: f64, most: f64) -> TickMarks {
     let step = step.unwrap_or(10.0 * power);
     let share = |v: f64| ((v - low) / (high - low)).clamp(0.0, 1.0);
     let all = |step: f64| {
+        // A tick at the very end of the axis is not lost to rounding.
         let first = (from / step - 1e-9).ceil();
         let count = (((to - first * step) / step + 1e-9).floor() + 1.0).clamp(0.0, 200.0) as usize;
         (0..count).map(move |i| (first + i as f64) * step).collect::<Vec<_>>()
@@ -73,7 +75,9 @@ pub fn even(low: f64, high: f64, most: f64) -> TickMarks {
     let shown = all(step);
     // As many digits as tell ticks apart.
     let digits = (from.abs().max(to.abs()) / step).log10().ceil().clamp(2.0, 14.0) as i32 + 2;
+    // Multiples of a step may miss zero by rounding.
     let label = |v: f64| rounded(if v.abs() < 1e-9 * length { 0.0 } else { v }, digits);
+    // A step of 2 is divided by four and others by five: all parts are round.
     let mut minor = all(step / if (step / power - 2.0).abs() < 0.1 { 4.0 } else { 5.0 });
     minor.retain(|m| shown.iter().all(|v| (v - m).abs() > 0.01 * step));
     TickMarks {
@@ -102,6 +106,7 @@ fn rounded(value: f64, digits: i32) -> String {
     }
     let unit = 10f64.powi(digits - 2);
     let mut front = (value / 10f64.powi(exponent) * unit).round() / unit;
+    // Rounding may make a digit more: 9.9996 is 10.
     if front.abs() >= 10.0 {
         front /= 10.0;
         exponent += 1;

@@ -42,6 +42,7 @@ impl Begins {
     fn fits(self, head: &[u8]) -> bool {
         match self {
             Begins::With(magic) => head.starts_with(magic),
+            // Nothing but white space so far: the object may begin later.
             Begins::Object => head.trim_ascii_start().first().is_none_or(|b| *b == b'{') && !head.contains(&0),
             Begins::Text => !head.contains(&0),
         }
@@ -206,8 +207,10 @@ impl Form {
         if source.length.is_some_and(|n| n > self.most) {
             return too_large();
         }
+        // The length of a stream is not known: `fill` asks for more memory as it grows.
         let need = source.length.unwrap_or(self.most.min(1 << 20)).saturating_mul(self.expansion.max(1));
         memory::require(self.title, need)?;
+        // One byte more tells a file that is too large from one that just fits.
         let bytes = source.read(self.most.saturating_add(1))?;
         if bytes.len() as u64 > self.most { too_large() } else { Ok(bytes) }
     }
@@ -227,6 +230,7 @@ impl SpoolFile {
     /// Keeps what `source` still has to give, in the system's folder for temporary files.
     pub fn new(mut source: Source<'_>) -> Result<Self> {
         let place = source.place.clone();
+        // Only there does a file without a name have a path, in /proc/self/fd.
         if !cfg!(target_os = "linux") {
             return Err(Error::input_with(place, "this is a pipe or device", "write the data to a file first"));
         }
@@ -314,6 +318,7 @@ fn describe(metadata: &Metadata) -> &'static str {
 #[cfg(unix)]
 fn open_at_once(path: &Path) -> std::io::Result<File> {
     use rustix::fs::{CWD, Mode, OFlags, openat};
+    // NOCTTY: a terminal that is read does not become that of this process.
     let flags = OFlags::RDONLY | OFlags::NONBLOCK | OFlags::CLOEXEC | OFlags::NOCTTY;
     Ok(openat(CWD, path, flags, Mode::empty())?.into())
 }
@@ -343,6 +348,7 @@ fn ready(file: &File) -> std::io::Result<bool> {
     let wait = Timespec { tv_sec: 0, tv_nsec: ASK_EVERY.subsec_nanos().into() };
     match poll(&mut [PollFd::new(file, PollFlags::IN)], Some(&wait)) {
         Ok(n) => Ok(n > 0),
+        // A signal: the caller looks whether it is to stop.
         Err(rustix::io::Errno::INTR) => Ok(false),
         Err(e) => Err(e.into()),
     }

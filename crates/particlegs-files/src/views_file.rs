@@ -50,6 +50,7 @@ impl ViewsFile {
         let FileForm { width, height, fov_deg, views } =
             serde_json::from_slice(text).map_err(|e| Error::input(path, format!("not a views file: {e}")))?;
         let view = |ViewForm { name, mut camera, radius, opacity }: ViewForm| {
+            // The angle of the file is for views in perspective, not for those with a height.
             camera.fov_deg = camera.fov_deg.or(fov_deg.filter(|_| camera.height_world.is_none()));
             match Camera::try_from(camera) {
                 Ok(camera) => Ok(View { name, camera, radius, opacity }),

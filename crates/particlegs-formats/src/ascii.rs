@@ -88,6 +88,7 @@ pub fn whole_bits(text: &str) -> Option<u64> {
 }
 
 fn parse(text: &[u8], kind: NumberType) -> Option<f64> {
+    // A word of a damaged file may be as long as the file.
     let text = std::str::from_utf8(text.get(..MOST_DIGITS.min(text.len()))?).ok()?;
     match kind {
         NumberType::F32 => text.parse::<f32>().ok().map(f64::from),

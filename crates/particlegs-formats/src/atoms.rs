@@ -39,6 +39,7 @@ impl AtomSpecies {
     /// One for each type that there is, by the type of each row: its index in `names`, which are names and aliases. All
     /// rows where there are too many types, or where one has no name.
     pub fn by_type(self, types: &[u32], names: &[(String, Vec<String>)]) -> Vec<AtomSpecies> {
+        // Rows are kept as u32 below.
         let unnamed = types.iter().any(|&t| t as usize >= names.len());
         if unnamed || names.len() > MOST_SPECIES || types.len() as u64 != self.rows || self.rows > u32::MAX.into() {
             return vec![self];
@@ -147,6 +148,7 @@ impl AtomSnapshot {
         let lanes: Option<Vec<StridedColumn>> = columns.iter().enumerate().map(lane).collect();
         let lanes = lanes.ok_or_else(|| Error::input(&self.place, "a field lies beyond the file"))?;
         let inner = StridedParticles::new(&self.place, self.bytes.clone(), source.rows, &lanes)?;
+        // Other fields than the positions, such as velocities, must not be wrapped.
         let moved = self.wraps && choice.positions.as_ref().is_none_or(|p| *p == species.positions);
         let cell = if moved { wrapping::cell(&self.description, choice)? } else { None };
         Ok(OwnRows { inner: Box::new(inner), own: source.own.clone(), cell })
@@ -200,6 +202,7 @@ impl ParticlePiece for OwnRows {
                     }
                     between.clear();
                     self.inner.read(first.into()..end.into(), &mut between)?;
+                    // The fourth column holds the weights, and is empty where none are read.
                     for which in 0..4 {
                         let all = std::mem::take(between.column(which));
                         out.column(which).extend(near.iter().filter_map(|row| all.get((row - first) as usize)));

@@ -33,6 +33,7 @@ impl ChunkCache {
         }
         let bytes = Arc::new(decode()?);
         *held = Some(bytes.clone());
+        // `shrink` counts a locked slot as empty: this one must be free to be counted.
         drop(held);
         self.shrink();
         Ok(bytes)

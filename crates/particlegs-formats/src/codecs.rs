@@ -53,6 +53,7 @@ pub fn zstd(bytes: &[u8], length: usize) -> Result<Vec<u8>, String> {
 pub fn xz(bytes: &[u8], length: usize) -> Result<Vec<u8>, String> {
     let broken = |message: &str| format!("an LZMA block is damaged: {message}");
     if length > MOST_BYTES {
+        // This gives the error, before the stream is looked at.
         return space(length);
     }
     let magic = [0xfd, b'7', b'z', b'X', b'Z', 0];
@@ -60,9 +61,11 @@ pub fn xz(bytes: &[u8], length: usize) -> Result<Vec<u8>, String> {
     if head[..6] != magic || crc32fast::hash(&head[6..8]).to_le_bytes() != head[8..12] {
         return Err(broken("the .xz header is missing"));
     }
+    // The block's header states its own size in words of four bytes, less one.
     let size = rest.first().map_or(0, |&b| 4 * (usize::from(b) + 1));
     let (block, data) = rest.split_at_checked(size).ok_or_else(|| broken("it is cut short"))?;
     let (fields, sum) = block.split_at(size.saturating_sub(4));
+    // A 0 in place of the size begins the index: the stream has no block.
     if rest.first() == Some(&0) || crc32fast::hash(fields).to_le_bytes() != *sum {
         return if length == 0 { Ok(Vec::new()) } else { Err(broken("it is empty")) };
     }
@@ -82,6 +85,7 @@ pub fn xz(bytes: &[u8], length: usize) -> Result<Vec<u8>, String> {
     // The block is padded to 4 bytes; its checksum follows.
     let used = (data.len() - left.len()).next_multiple_of(4);
     let checked = |n: usize| data.get(used..used + n);
+    // The stream's flags say which checksum it has; SHA-256 is not checked.
     let good = match head[7] {
         0 => true,
         1 => checked(4).is_some_and(|sum| crc32fast::hash(&out).to_le_bytes() == *sum),

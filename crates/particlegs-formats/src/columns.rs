@@ -60,6 +60,7 @@ impl ColumnarField {
             big_endian: self.big_endian,
         };
         let base = at(self.base, self.base_step)?;
+        // Those who read the column add the two without a check.
         base.checked_add(lane.offset)?;
         Some(StreamColumn { stored: self.stored, base, lane })
     }
@@ -100,6 +101,7 @@ impl ColumnarSnapshot {
 
     /// The columns where they lie uncompressed in one file.
     fn mapped(&self, columns: &[StreamColumn], rows: u64) -> Option<Result<StridedParticles>> {
+        // All stretches are of one file: the bytes of the first serve for all.
         let bytes = self.stored[columns[0].stored].plain()?.0.clone();
         let mut lanes = Vec::new();
         for column in columns {

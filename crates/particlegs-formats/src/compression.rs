@@ -21,6 +21,7 @@ impl FileCompression {
     pub fn from_magic(head: &[u8]) -> Option<Self> {
         match head {
             [0x1f, 0x8b, 8, ..] => Some(FileCompression::Gzip),
+            // Pi's first digits mark a block of bzip2: `BZh9` alone may begin a text.
             [b'B', b'Z', b'h', b'1'..=b'9', 0x31, 0x41, 0x59, ..] => Some(FileCompression::Bzip2),
             [0x28, 0xb5, 0x2f, 0xfd, ..] => Some(FileCompression::Zstd),
             _ => None,
@@ -126,6 +127,7 @@ impl<R: Read> Read for ZstdFrames<R> {
                 return Ok(0);
             }
             self.open = true;
+            // One block at a time, so that no more than the window and a block is in memory.
             while self.decoder.can_collect() == 0 && !self.decoder.is_finished() {
                 self.decoder.decode_blocks(&mut self.source, BlockDecodingStrategy::UptoBlocks(1)).map_err(io_error)?;
             }
@@ -133,6 +135,7 @@ impl<R: Read> Read for ZstdFrames<R> {
             if read > 0 {
                 return Ok(read);
             }
+            // Nothing of this frame is left: its sum is complete.
             self.open = false;
             let stated = self.decoder.get_checksum_from_data();
             if stated.is_some() && stated != self.decoder.get_calculated_checksum() {

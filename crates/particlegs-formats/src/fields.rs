@@ -82,6 +82,7 @@ pub(crate) fn fields_of(snapshot: &dyn Snapshot, index: usize, choice: &Choice) 
     fields.sort_by_key(|f| f.components != 3);
     let readers = match readers(snapshot, index, choice, &fields) {
         Ok(readers) => readers,
+        // One field that cannot be read must not take the others with it.
         Err(_) => {
             fields.retain(|f| readers(snapshot, index, choice, std::slice::from_ref(f)).is_ok());
             readers(snapshot, index, choice, &fields)?
@@ -109,6 +110,7 @@ fn readers(
     let all: Vec<(&SourceField, String)> = all.collect();
     all.chunks(3)
         .map(|three| {
+            // A reader always gives three columns: the last name fills those that are left over.
             let last = &three[three.len() - 1].1;
             let name = |k: usize| three.get(k).map_or(last, |(_, name)| name);
             let positions = match three[0].0 {
@@ -144,6 +146,7 @@ impl OutField {
     pub fn append(&self, run: &Run, out: &mut Vec<u8>) {
         for i in 0..run.columns[0].len() {
             self.columns.iter().for_each(|&c| match self.factor {
+                // As it is stored: whole numbers of 64 bits do not fit the f64 that a factor needs.
                 1.0 => self.number.append(run.field(c, i), out),
                 factor => {
                     let value = factor * self.number.value(run.field(c, i));

@@ -1,7 +1,6 @@
-//! The snapshot that a folder holds.
+//! The snapshots that a folder holds, and names in the order that people expect.
 
 use crate::format::{FileHead, Format};
-use crate::natural_order::natural_key;
 use crate::vtk_xml::lists;
 use crate::{Choice, PathKind, csv, hdf5, raw, registry};
 use particlegs_core::{Error, Hint, Result};
@@ -113,6 +112,7 @@ fn snapshots(candidates: &[(PathBuf, &'static Format)], options: &Choice) -> Vec
             continue;
         }
         if IN_PARTS.contains(&format.name) && sets.len() < LOOKED_AT {
+            // Which files belong together does not depend on the frame, and not all snapshots have the wanted one.
             let opened = (format.open)(std::slice::from_ref(path), &Choice { frame: None, ..options.clone() });
             if opened.is_err() && format.name == hdf5::FORMAT.name && hdf5::is_catalogue(path) {
                 catalogues.push(SnapshotFileSet { first: path.clone(), files });
@@ -121,10 +121,26 @@ fn snapshots(candidates: &[(PathBuf, &'static Format)], options: &Choice) -> Vec
             files.extend(opened.map(|s| s.description().files.clone()).unwrap_or_default());
             files.extend(lists::named(path));
         }
+        // A piece may sort before the file that lists it.
         sets.retain(|s| !s.files.is_subset(&files));
         sets.push(SnapshotFileSet { first: path.clone(), files });
     }
     if sets.is_empty() { catalogues } else { sets }
+}
+
+/// Text and numbers in turn, the numbers as their digits without leading zeros: `snap_2` sorts before `snap_10`.
+pub(crate) fn natural_key(path: &Path) -> Vec<(String, usize, String)> {
+    let text = path.to_string_lossy();
+    let mut parts = Vec::new();
+    let mut rest = &*text;
+    while !rest.is_empty() {
+        let (words, tail) = rest.split_at(rest.find(|c: char| c.is_ascii_digit()).unwrap_or(rest.len()));
+        let (digits, tail) = tail.split_at(tail.find(|c: char| !c.is_ascii_digit()).unwrap_or(tail.len()));
+        let number = digits.trim_start_matches('0');
+        parts.push((words.to_string(), number.len(), number.to_string()));
+        rest = tail;
+    }
+    parts
 }
 
 #[cfg(test)]

@@ -75,6 +75,7 @@ impl FileHead {
 
     /// Lines of text; none where it is not text.
     pub fn lines(&self) -> impl Iterator<Item = &[u8]> {
+        // Binary files have a zero byte near their beginning, text has none.
         let is_text = !self.content[..self.content.len().min(512)].contains(&0);
         let bytes = if is_text { &self.content[..] } else { &[] };
         bytes.split(|&b| b == b'\n').map(without_end)

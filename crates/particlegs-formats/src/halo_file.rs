@@ -71,6 +71,7 @@ fn text_of(column: &HaloColumn, i: usize) -> String {
 
 fn write_hdf5(catalogue: &HaloCatalogue, out: &Path) -> Result<()> {
     let text = |text: &str| OutValue::Text(printable(text).chars().take(MOST_TEXT).collect());
+    // A column with gaps holds NaN, which whole numbers do not have.
     let is_whole = |c: &HaloColumn| c.whole && c.values.iter().all(|v| v.is_finite());
     let set = |c: &HaloColumn| OutDataSet {
         name: one_line(&c.name).into_owned(),

@@ -11,7 +11,6 @@
 //! taken; nothing here panics on any input.
 
 mod affine;
-mod array;
 mod ascii;
 mod atoms;
 mod axes;
@@ -29,20 +28,17 @@ mod text;
 mod wrapping;
 
 mod choice;
-mod detect;
 mod fields;
 mod folder;
 mod foreign;
 mod format;
 mod halo_file;
-mod natural_order;
 mod open;
 mod path_kind;
 mod physical;
 mod raw;
 mod read;
 mod registry;
-mod residues;
 mod single_file;
 mod snapshot;
 mod snapshot_order;
@@ -73,11 +69,11 @@ mod xyz;
 #[cfg(test)]
 mod testing;
 
-pub use array::Array;
 pub use choice::{Choice, Weights};
 pub use csv::Catalogue;
 pub use format::Format;
 pub use halo_file::{is_hdf5, write_haloes};
+pub use npy::Array;
 pub use path_kind::PathKind;
 pub use physical::VelocityConvention;
 pub use snapshot::{AbsentField, Description, Snapshot, Species, SpeciesField, SpeciesMass, TrajectoryFrames};

@@ -124,6 +124,7 @@ impl NumberType {
         let four = [raw[0], raw[1], raw[2], raw[3]];
         match self {
             NumberType::F16 => half(u16::from_le_bytes([raw[0], raw[1]])),
+            // In the upper three bytes first: the shift down then copies the sign.
             NumberType::I24 => f64::from(i32::from_le_bytes([0, raw[0], raw[1], raw[2]]) >> 8),
             NumberType::F32 => f64::from(f32::from_le_bytes(four)),
             NumberType::F64 => f64::from_le_bytes(raw),

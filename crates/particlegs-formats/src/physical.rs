@@ -67,6 +67,7 @@ pub fn physical(
     let text = unit.and_then(|text| of_text(text, dimension));
     let cgs = number(&["to_cgs", "CGSConversionFactor", SWIFT_CGS]).filter(|v| *v > 0.0).or(text.map(|t| t.0));
     let cgs = cgs.or(convention.unit.map(|v| v.powi(dimension)));
+    // A unit whose text is not understood must not be taken for km/s.
     let unit = cgs.or(convention.powers.filter(|_| states_none).map(|_| km_s))? / km_s;
     let stated = number(&["a_scaling", "aexp-scale-exponent", "a-scale exponent"]).or(text.map(|t| t.1));
     let scale_factor = convention.scale_factor.or(meta.epoch.scale_factor);
@@ -74,6 +75,7 @@ pub fn physical(
         // AREPO writes its power of a for isolated runs, too.
         (Some(false), ..) => 0.0,
         (_, Some(power), _) | (Some(true), None, Some(power)) => power,
+        // Without a power it does not matter whether the run is cosmological.
         (None, None, Some(0.0)) => 0.0,
         _ if scale_factor == Some(1.0) => 0.0,
         _ => return None,
@@ -109,6 +111,7 @@ fn of_text(text: &str, dimension: i32) -> Option<(f64, f64)> {
         Some(("peculiar" | "physical" | "proper", rest)) => (0.0, rest),
         _ => (0.0, &text[..]),
     };
+    // `km s**-1`, `km.s^-1` and the like become one spelling.
     let plain = plain.replace([' ', '*', '^', '(', ')', '.'], "");
     let forms = if dimension == 1 { &["/s", "s-1"][..] } else { &["/s2", "2/s2", "2s-2"] };
     let mut units = [("km", 1e5f64), ("m", 1e2), ("cm", 1.0)].into_iter();

@@ -69,6 +69,7 @@ impl PieceReader {
         let mut starts = vec![0u64];
         for piece in &pieces {
             let before = starts[starts.len() - 1];
+            // So few that an i64 counts the bytes of four f32 each.
             let after = before.checked_add(piece.rows()).filter(|&n| n <= i64::MAX as u64 / 16);
             starts.push(after.ok_or_else(|| Error::input(&meta.name, "too many particles to count"))?);
         }
@@ -80,6 +81,7 @@ impl PieceReader {
                 let start = piece.rows().saturating_sub(SAMPLE) / 3 * place;
                 piece.read(start..piece.rows().min(start + SAMPLE), &mut sample)?;
             }
+            // A snapshot may have thousands of files; a million positions are enough to find the origin.
             if sample.position[0].len() > 1 << 20 {
                 break;
             }
@@ -142,6 +144,7 @@ impl SnapshotReader for PieceReader {
         };
         let mut start = runs.start;
         while start < runs.end {
+            // Stretches begin at multiples of their length, wherever reading begins, as rows of chunks do.
             let end = runs.end.min((start / self.stretch + 1) * self.stretch);
             parallel::try_for_each(start..end, |run| scratch.with(|space| read(run, space)))?;
             start = end;
@@ -174,6 +177,7 @@ impl SnapshotReader for PieceReader {
 pub fn origin_of(sample: &[f64]) -> f64 {
     let finite = sample.iter().filter(|v| v.is_finite());
     let (lo, hi) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
+    // Halves first: the sum may overflow.
     let middle = 0.5 * lo + 0.5 * hi;
     if !middle.is_finite() || middle.abs() <= 2.0 * (hi - lo) { 0.0 } else { middle }
 }

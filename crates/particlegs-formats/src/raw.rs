@@ -26,7 +26,7 @@ struct RawSnapshot {
 pub fn is_raw(paths: &[PathBuf]) -> bool {
     match paths {
         [folder] => folder.join("xx.f32").exists(),
-        [x, ..] => (3..=4).contains(&paths.len()) && crate::detect::detect(x).is_err(),
+        [x, ..] => (3..=4).contains(&paths.len()) && crate::open::detect(x).is_err(),
         [] => false,
     }
 }
@@ -64,6 +64,7 @@ fn other_columns(folder: &Path, count: usize) -> Vec<(String, NumberType)> {
         (other && length == kind.bytes() * count as u64).then(|| (name.to_string(), kind))
     };
     let mut columns: Vec<(String, NumberType)> = entries.filter_map(|entry| name(entry.ok()?)).collect();
+    // Of a name in both types the wider column comes first, and stays.
     columns.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.bytes().cmp(&a.1.bytes())));
     columns.dedup_by(|b, a| a.0 == b.0);
     columns

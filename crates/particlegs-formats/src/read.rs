@@ -1,7 +1,7 @@
 //! From the files that a user names to the particles that a user chose.
 
-use crate::detect::spool;
 use crate::folder::resolved;
+use crate::open::spool;
 use crate::single_file::named;
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, fields, raw};
 use particlegs_core::context::Context;
@@ -146,6 +146,7 @@ impl Choice {
         let (mut description, bounds) = at_hand.named(self.describe_paths(&at_hand.paths, bounds, context))?;
         at_hand.name(&mut description.meta);
         if at_hand.spooled.is_some() {
+            // Not the file that the stream was put into.
             description.files = paths.to_vec();
         }
         Ok((description, bounds))

@@ -91,6 +91,7 @@ impl AbsentField {
     /// The field `name`, which frame `chosen` lacks; `has` tells of each frame whether it has it.
     pub(crate) fn new(name: &str, chosen: u64, has: &[bool]) -> AbsentField {
         let with: Vec<usize> = (0..has.len()).filter(|&i| has[i]).collect();
+        // 0 stands for unequal distances.
         let even = with.windows(2).map(|w| w[1] - w[0]).reduce(|a, b| if a == b { a } else { 0 });
         let stored = match (&with[..], even) {
             ([], _) => "at other steps than positions".into(),

@@ -1,8 +1,7 @@
 //! The snapshots of a run, in the order of time.
 
 use crate::Choice;
-use crate::folder::folder_snapshots;
-use crate::natural_order::natural_key;
+use crate::folder::{folder_snapshots, natural_key};
 use particlegs_core::context::Context;
 use particlegs_core::{Error, Result};
 use particlegs_files::input::is_stream;
@@ -84,6 +83,7 @@ fn sort_by_time(paths: &mut Vec<PathBuf>, options: &Choice) -> bool {
         }
         timed.push((last, path.clone()));
     }
+    // A stable sort: those that could not be opened stay behind the one before them.
     timed.sort_by(|a, b| a.0.total_cmp(&b.0));
     *paths = timed.into_iter().map(|(_, path)| path).collect();
     true

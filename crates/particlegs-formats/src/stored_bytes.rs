@@ -103,6 +103,7 @@ impl Read for CompleteReader<'_> {
         if n == 0 && self.left > 0 {
             return Err(Error::new(ErrorKind::UnexpectedEof, "the compressed data end early"));
         }
+        // Without a sum only the beginning of the content may be wanted: it may go on.
         let Some(crc) = self.crc else {
             self.left = self.left.saturating_sub(n as u64);
             return Ok(n);

@@ -78,6 +78,7 @@ impl StreamReader {
             StreamReader { meta, place: place.into(), stored, groups, count, weighted, world, origin: [0.0; 3] };
         if wide {
             let mut rows = RowBuffer::default();
+            // The data can only be read in order: the first run stands for all.
             let n = count.min(RUN as u64);
             for mut cursor in reader.cursors(0)? {
                 cursor.fill(n, &mut rows).map_err(|e| reader.broken(e))?;
@@ -191,6 +192,7 @@ impl StreamReader {
             self.world.apply_rows(&mut rows, 0);
             sink(run, &rows)?;
         }
+        // A checksum covers all of the data: it can be compared at their end alone.
         if runs.end * RUN as u64 >= self.count {
             cursors.into_iter().try_for_each(|c| c.finish().map_err(|e| self.broken(e)))?;
         }

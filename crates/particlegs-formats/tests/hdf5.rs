@@ -243,7 +243,7 @@ fn broken_files_do_no_harm() {
     broken(&virtual_set("latest.hdf5"), 101, usize::MAX);
 }
 
-/// Every 101st cut and bit of all files of this crate's own, whatever their layout; `mutations.rs`
+/// Every 101st cut and bit of all files of this crate's own, whatever their layout; `broken.rs`
 /// takes every one of the smallest.
 #[test]
 #[ignore = "takes a minute"]

@@ -63,6 +63,7 @@ fn described(adapter: &wgpu::Adapter) -> Adapter {
         wgpu::DeviceType::Cpu => "software",
         wgpu::DeviceType::Other => "unknown kind",
     };
+    // Either of the two may be empty.
     let driver = [info.driver.as_str(), info.driver_info.as_str()].join(" ").trim().to_string();
     Adapter {
         memory: memory_of(adapter),

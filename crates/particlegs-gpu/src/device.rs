@@ -61,6 +61,7 @@ impl Device {
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("particlegs"),
             required_features: adapter.features() & features,
+            // wgpu's default limits would allow a binding only 128 MiB on any device.
             required_limits: adapter.limits(),
             memory_hints: wgpu::MemoryHints::MemoryUsage,
             ..Default::default()
@@ -71,6 +72,7 @@ impl Device {
         let note = |fault: &Arc<Mutex<Option<DeviceFault>>>| {
             let fault = fault.clone();
             move |new: DeviceFault| {
+                // Later faults mostly follow from the first one.
                 fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(new);
             }
         };
@@ -82,6 +84,7 @@ impl Device {
             });
         }));
         device.set_device_lost_callback(move |reason, text| {
+            // Somebody destroyed it on purpose: the loss is no fault.
             if reason != wgpu::DeviceLostReason::Destroyed {
                 of_loss(DeviceFault::Lost(text));
             }
@@ -108,6 +111,7 @@ impl Device {
     /// Whatever went wrong on the device since this was last asked.
     pub fn check(&self) -> Result<()> {
         let fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner).take();
+        // wgpu's messages have several lines, but an error is one line.
         let line = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
         let (message, hint) = match fault {
             None => return Ok(()),
@@ -178,12 +182,14 @@ impl Device {
 
     /// The bytes of a buffer, once all that was given to the device is done.
     pub fn read(&self, from: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>> {
+        // Buffers are copied in whole words.
         let size = bytes.next_multiple_of(4);
         let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
         let to = self.buffer("read back", size, usage);
         let mut encoder = self.device.create_command_encoder(&Default::default());
         encoder.copy_buffer_to_buffer(from, 0, &to, 0, size);
         self.queue.submit([encoder.finish()]);
+        // A failure shows below, in `wait` or when the range is taken.
         to.map_async(wgpu::MapMode::Read, .., |_| {});
         self.wait()?;
         let mapped = to.get_mapped_range(..size);

@@ -46,6 +46,7 @@ const CUT_GROUPS: u32 = 1024;
 fn dispatches(device: &Device, count: u32, at_once: u32) -> Vec<(wgpu::Buffer, u32)> {
     let one = |first: u32| {
         let batch_size = at_once.min(count - first);
+        // The kernels declare four words, since a uniform has a multiple of 16 bytes; they read two.
         let buffer = device.filled("some", &[first, first + batch_size, 0, 0], wgpu::BufferUsages::UNIFORM);
         (buffer, batch_size)
     };
@@ -55,6 +56,7 @@ fn dispatches(device: &Device, count: u32, at_once: u32) -> Vec<(wgpu::Buffer, u
 /// Groups for so many threads, in as many rows as it takes.
 fn groups(threads: u64) -> [u32; 2] {
     let all = threads.div_ceil(THREADS);
+    // Rows are as equal as can be, so that few groups of the last one have nothing to do.
     let down = all.div_ceil(MOST_GROUPS).max(1);
     [all.div_ceil(down) as u32, down as u32]
 }

@@ -103,6 +103,7 @@ impl ParticleBins {
             for (i, v) in particles[k].iter().enumerate() {
                 let v = f64::from(*v);
                 bins[i][k] = bin((v - low) / bound);
+                // As the decoder rounds it.
                 let centre = f64::from(grid.centre(k, bins[i][k]) as f32);
                 if (centre - v).abs() > bound {
                     exceptions[k].push((i as u32, v > centre));

@@ -100,6 +100,7 @@ fn held_out(lab: &Lab<'_>, snapshot: &Snapshot, method: CompressionMethod, bytes
     }
     let seed = lab.settings.seed;
     let [fitted, left_out] = snapshot.halves(seed, lab.context)?;
+    // The half is another set of particles, so its files must not be taken for those of the whole.
     let hash = format!("{} half {seed}", snapshot.hash);
     let domain = Domain::from_particles(&snapshot.particles);
     match method.keep(lab, &fitted, &hash, bytes, seed)?.content {

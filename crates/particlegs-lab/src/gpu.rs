@@ -75,9 +75,11 @@ impl TimedDevice {
     pub fn timed(&self, work: impl FnOnce() -> Result<()>) -> Result<Option<Vec<KernelTime>>> {
         let Some(timer) = &self.timer else { return work().map(|()| None) };
         let device = &self.device;
+        // Earlier work must not run beside what is timed.
         device.wait()?;
         *timer.asked() = Some(Vec::new());
         let done = work();
+        // Taken before `done` is looked at, so that the timing ends even if the work failed.
         let runs = timer.asked().take().unwrap_or_default();
         done?;
         if runs.is_empty() || runs.len() > MOST {

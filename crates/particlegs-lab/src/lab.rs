@@ -187,6 +187,7 @@ impl<'a> Lab<'a> {
             seconds.set(took);
             Ok(done.bytes)
         })?;
+        // If the model was cached, so are its seconds, and `make` was not called.
         let seconds = store.result("model-seconds", inputs, || Ok(seconds.get()))?;
         let model = codec::decode_with(&bytes, "the model", self.context)?;
         Ok(ModelBuild { bytes, model, seconds })

@@ -58,6 +58,7 @@ pub fn codes_of_places(particles: &PositionColumns) -> Vec<u64> {
     let scale = if longest > 0.0 { cubes / longest } else { 0.0 };
     let bits = Bits([ORDER_BITS; 3]);
     parallel::map_range(particles[0].len(), |i| {
+        // The upper edge belongs to the last cube, and NaN becomes 0.
         let cube = |k: usize| ((f64::from(particles[k][i]) - ends[k][0]) * scale).clamp(0.0, cubes - 1.0) as u32;
         bits.code([cube(0), cube(1), cube(2)])
     })

@@ -28,6 +28,7 @@ pub fn read_number(mut bytes: &[u8]) -> Option<(u64, &[u8])> {
         let (first, rest) = bytes.split_first()?;
         let low = u64::from(first & 0x7f);
         bytes = rest;
+        // The number has more than 64 bits.
         if low << shift >> shift != low {
             return None;
         }

@@ -47,6 +47,7 @@ impl ReferenceViews {
     pub fn at_size(lab: &Lab<'_>, snapshot: &Snapshot, mut views: Vec<View>, size: Size) -> Result<ReferenceViews> {
         let bounds = snapshot.particles.bounds();
         for view in &mut views {
+            // Set here, so that decoded particles and models are clipped exactly as the truth is.
             let range = clipping_range(&bounds, &view.camera);
             view.camera.clipping_range.get_or_insert(range);
         }

@@ -89,12 +89,14 @@ impl Alignment {
                 (0..3).for_each(|b| covariance[a][b] += (p[a] - center[a]) * (to[b] - self.center[b]));
             }
         }
+        // Its eigenvectors are the first frame's side of the singular value decomposition of the covariance.
         let squares = covariance.iter().fold(Sym3::default(), |s, row| s.add(&Sym3::outer(*row)));
         let [first, second, _] = squares.eigen().vectors;
         let onto = |v: [f64; 3]| -> [f64; 3] { each_axis(|a| dot(covariance[a], v)) };
         let unit = |v: [f64; 3]| v.map(|x| x / norm(v).max(f64::MIN_POSITIVE));
         let u = unit(onto(first));
         let second_onto = onto(second);
+        // What rounding left of the first is taken out of the second.
         let w = unit(each_axis(|k| second_onto[k] - dot(u, second_onto) * u[k]));
         // The third of each by the other two: a rotation, and no reflection.
         let (from, to) = ([u, w, cross(u, w)], [first, second, cross(first, second)]);

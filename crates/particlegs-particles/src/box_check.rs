@@ -25,6 +25,7 @@ pub fn check_box(bounds: &Bounds, cell: Option<&Cell>, name: &str) -> Result<()>
     }
     let Some(cell) = cell else { return Ok(()) };
     let sizes = cell.vectors.map(|v| v.iter().fold(0.0, |m: f64, x| m.max(x.abs())));
+    // A slab may have no length along an axis that does not repeat.
     let within = |k: usize| (least..=most).contains(&sizes[k]) || sizes[k] == 0.0 && !cell.periodic[k];
     if !((0..3).all(within) && cell.origin.iter().all(|x| x.abs() <= most) && cell.inverse().is_some()) {
         return refused(format!("a box of {:e}, {:e}, {:e} cannot be used", sizes[0], sizes[1], sizes[2]));

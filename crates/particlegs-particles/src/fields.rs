@@ -298,6 +298,7 @@ impl LayerFields {
 
     /// Fields of real numbers that are in memory, a column for each component; vectors first.
     pub fn from_columns(fields: Vec<SourceField>, mut columns: Vec<Vec<f64>>) -> LayerFields {
+        // Readers hand over columns in threes, and so must this; the surplus ones are empty.
         columns.resize_with(columns.len().next_multiple_of(3), Vec::new);
         let mut columns = columns.into_iter();
         let mut triples = Vec::new();
@@ -357,6 +358,7 @@ impl LayerFields {
                 continue;
             }
             triple.read(run, &mut three)?;
+            // Swapped, so that the old columns serve as buffers of the next three.
             part.iter_mut().zip(&mut three).for_each(|(to, from)| std::mem::swap(to, from));
         }
         Ok(())

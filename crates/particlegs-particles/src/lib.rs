@@ -11,51 +11,42 @@
 mod align;
 pub mod blocks;
 mod box_check;
-mod chunk;
 mod convert;
 mod domain;
 mod fields;
 mod hash;
-mod images;
 mod layer;
 mod layered;
-mod load;
-mod masses;
 mod meta;
 mod neighbours;
 mod open;
+mod periodic;
 mod scratch;
 mod select;
-mod sidecar;
 mod source;
 mod storage;
 #[cfg(any(test, feature = "testing"))]
 #[doc(hidden)]
 pub mod testing;
-mod tile;
 mod units;
 mod write;
 
 pub use align::{AlignedFrame, Alignment};
-pub use box_check::ParticlesOutsideBox;
-pub use box_check::{check_box, check_particles};
-pub use chunk::{Chunk, ChunkBuffer, RUN};
+pub use box_check::{ParticlesOutsideBox, check_box, check_particles};
 pub use domain::{Domain, Tilt};
 pub use fields::{
     FieldColumns, GasTemperature, KM_S, LayerFields, Number, PhysicalUnit, SourceField, StarFormingGas, StoredNumber,
 };
 pub(crate) use hash::hash_of_runs;
 pub use hash::{RunHash, hash_run};
-pub use layered::LayeredParticles;
-pub use layered::ReadLayer;
-pub use masses::mass_classes;
+pub use layer::mass_classes;
+pub use layered::{LayeredParticles, ReadLayer};
 pub use meta::SnapshotMeta;
 pub use neighbours::{Neighbours, cubic_spline, distances_to, places_of};
-pub use open::InvalidParticles;
-pub use open::invalid;
+pub use open::{InvalidParticles, invalid};
+pub use periodic::Tiling;
 pub use scratch::{ColumnBuffer, Storage};
 pub use select::{Run, SelectedParticles, Selection};
 pub use source::{InPlace, RunSink, SnapshotReader};
-pub use storage::{CHUNK, Column, Particles, Positions};
-pub use tile::Tiling;
+pub use storage::{CHUNK, Chunk, ChunkBuffer, Column, Particles, Positions, RUN};
 pub use write::{RawForm, SnapshotDescription, SnapshotLayout, SnapshotWriter};

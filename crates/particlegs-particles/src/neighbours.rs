@@ -435,6 +435,7 @@ impl Neighbours {
 /// zero.
 pub fn distances_to(rank: usize, p: &Particles, domain: &Domain, context: &Context<'_>) -> Result<Vec<f32>> {
     let n = p.len();
+    // Cells hold the number of their first point as u32.
     if rank >= n || n >= u32::MAX as usize {
         let message = format!("{rank} neighbours per particle need more than {rank} particles and fewer than 2^32 - 1");
         return Err(Error::argument(format!("{message}, not {n}")));
@@ -494,6 +495,7 @@ fn build(points: &mut [LocalPosition], axes: &mut [u8]) {
     }
     let (axis, middle) = (widest(points), points.len() / 2);
     points.select_nth_unstable_by(middle, |a, b| a[axis].total_cmp(&b[axis]));
+    // Only medians have an axis; leaves are looked through point by point.
     axes[middle] = axis as u8;
     let (left, right) = points.split_at_mut(middle);
     let (left_axes, right_axes) = axes.split_at_mut(middle);

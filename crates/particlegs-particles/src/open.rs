@@ -1,7 +1,8 @@
 //! Opens raw float32: a folder, or three or four files; checks the values of any snapshot.
 
+use super::meta::{self, Sidecar};
 use super::storage::CHUNK;
-use super::{ChunkBuffer, Column, Particles, Storage, sidecar, sidecar::Sidecar};
+use super::{ChunkBuffer, Column, Particles, Storage};
 use particlegs_core::{Error, Hint, Result};
 use particlegs_files::input::map_file;
 use std::path::{Path, PathBuf};
@@ -44,7 +45,8 @@ fn open_folder(folder: &Path) -> Result<Particles> {
     } else {
         open_columns(&files)?
     };
-    particles.meta.name = sidecar::read(folder, &folder.join("meta.json"))?.meta.name;
+    // Columns on their own are named after the first file; here the folder is the snapshot.
+    particles.meta.name = meta::read(folder, &folder.join("meta.json"))?.meta.name;
     Ok(particles)
 }
 
@@ -60,7 +62,7 @@ fn open_columns(paths: &[PathBuf]) -> Result<Particles> {
     }
     let folder = paths[0].parent().unwrap_or(Path::new("."));
     let sidecar = folder.join("meta.json");
-    let Sidecar { mut meta, origin, layers } = sidecar::read(folder, &sidecar)?;
+    let Sidecar { mut meta, origin, layers } = meta::read(folder, &sidecar)?;
     meta.name = paths[0].file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     if layers.last().is_some_and(|l| l.content.end != columns[0].len()) {
         let message = format!("the particles of its `layers` do not add up to the {} in the columns", columns[0].len());

@@ -5,7 +5,7 @@
 //! threads.
 
 use super::fields::{LayerFields, SourceField, StoredNumber};
-use super::images::NearestImages;
+use super::periodic::NearestImages;
 use super::storage::CHUNK;
 use super::{ChunkBuffer, Particles, SnapshotMeta, Storage, Tiling};
 use particlegs_core::context::Context;
@@ -499,6 +499,7 @@ impl<'a> SelectedParticles<'a> {
             )));
         }
         let mut left = wanted;
+        // Ends at the bin of the last key drawn; `left` then counts the keys drawn within it.
         let bin = histogram.iter().position(|&n| {
             let here = left <= n;
             left -= if here { 0 } else { n };

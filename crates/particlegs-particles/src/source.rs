@@ -1,7 +1,6 @@
 //! The reader trait: metadata first, then particles run by run.
 
-use super::chunk::{Chunk, ChunkBuffer, RUN};
-use super::{Column, Particles, Positions, SnapshotMeta};
+use super::{Chunk, ChunkBuffer, Column, Particles, Positions, RUN, SnapshotMeta};
 use particlegs_core::context::Context;
 use particlegs_core::{Result, parallel};
 use std::ops::Range;
@@ -37,6 +36,7 @@ pub trait SnapshotReader: Send + Sync {
     fn read_wide(&self, runs: Range<u64>, sink: &mut dyn FnMut(u64, [&[f64]; 3]) -> Result<()>) -> Result<()> {
         let origin = self.origin();
         for run in runs {
+            // A sink may be called from any thread, so the one run that it takes is behind a lock.
             let wide = Mutex::new(<[Vec<f64>; 3]>::default());
             self.read(run..run + 1, &Context::SILENT, &|_, chunk| {
                 let position = |k: usize| chunk.position[k].iter().map(|&v| origin[k] + f64::from(v)).collect();

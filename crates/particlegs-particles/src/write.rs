@@ -95,6 +95,7 @@ impl SnapshotWriter {
                 "write to a folder instead",
             ));
         }
+        // Columns keep their digits as float32 about the origin, which meta.json states.
         let wide = wide && form != RawForm::Columns;
         if form != RawForm::Columns && weighted {
             return Err(Error::input_with(
@@ -187,6 +188,7 @@ impl SnapshotWriter {
 
 /// Bytes of a particle's position, float64 or not, and of its weight.
 fn particle_bytes(wide: bool, weighted: bool) -> u64 {
+    // Triples, which alone may be float64, have no weights.
     if wide { 24 } else { 12 + if weighted { 4 } else { 0 } }
 }
 

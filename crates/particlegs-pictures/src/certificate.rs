@@ -1,12 +1,10 @@
 //! The pictures beside a certificate: truth, model and error side by side, and the surface density.
 
-use crate::figure_file::bytes;
 use crate::figure_options::FigureOptions;
-use crate::finish::Finisher;
+use crate::finish::{Finisher, bytes};
 use crate::options::PictureOptions;
 use crate::provenance::{PictureProvenance, PictureUnits, SourceFile};
-use crate::quantities::Quantities;
-use crate::subject::ViewSubject;
+use crate::subject::{Quantities, ViewSubject};
 use crate::view_content::ViewContent;
 use particlegs_core::camera::{View, base_distance, spherical_camera};
 use particlegs_core::context::Context;
@@ -116,6 +114,7 @@ fn grouped(n: u64) -> String {
     let digits = n.to_string();
     let mut out = String::new();
     for (i, c) in digits.chars().enumerate() {
+        // Four digits stand together, as journals print them.
         if i > 0 && (digits.len() - i).is_multiple_of(3) && digits.len() > 4 {
             out.push('\u{a0}');
         }

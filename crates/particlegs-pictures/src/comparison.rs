@@ -83,6 +83,7 @@ pub fn compare(a: &Path, b: &Path, context: &Context<'_>) -> Result<FolderCompar
         (false, true) => (a.to_path_buf(), within(b, a)),
         (false, false) => (a.to_path_buf(), b.to_path_buf()),
     };
+    // A file that is not there is an error of its own, not a pair without scores.
     for file in [&a, &b] {
         file.metadata().map_err(|e| Error::io(file, e))?;
     }

@@ -1,9 +1,9 @@
 //! Raw values of a surface density or field: NAME.f32, little-endian float32 by rows from the top, and NAME.json, which
 //! describes them.
 
-use crate::field_legend::FieldLegend;
+use crate::field_choice::FieldLegend;
 use crate::picture_out::PictureOut;
-use crate::quantities::Quantities;
+use crate::subject::Quantities;
 use crate::view_content::ViewContent;
 use particlegs_core::camera::{CameraRecord, DensityView, Projection, View};
 use particlegs_core::context::Context;
@@ -58,6 +58,7 @@ const FLOAT64: &str = "float64, little-endian, rows from the top";
 pub fn declare(out: &PictureOut, views: &[View], outputs: &Outputs, context: &Context<'_>) -> Result<()> {
     let path = |view: &View, ending| out.folder().join(format!("{}.{ending}", view.name));
     views.iter().try_for_each(|view| {
+        // Whether float32 holds the values is known only when they are there, so both files are declared.
         outputs.writes(&path(view, "f32"), &kinds::VALUES, context)?;
         outputs.writes(&path(view, "f64"), &kinds::VALUES, context)?;
         outputs.writes(&path(view, "json"), &kinds::JSON, context).map(drop)
@@ -184,6 +185,7 @@ impl DensityDescription {
             return pair("projections differ: ", &self.projection, &other.projection);
         }
         let [a, b] = [self, other].map(|d| d.numbers());
+        // Coordinates near 0 are compared by the size of all: their own says nothing.
         let largest = a.iter().fold(0.0f64, |m, v| m.max(v.abs()));
         let same_pixels = (a[0] - b[0]).abs() <= SAME * a[0].abs();
         let same = a.len() != b.len() || a.iter().zip(&b).all(|(a, b)| (a - b).abs() <= SAME * largest);

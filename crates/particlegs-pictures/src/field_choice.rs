@@ -1,12 +1,13 @@
-//! Maps of a field: its name, its scale, and the motion that is subtracted.
+//! Maps of a field: its name, its scale, the motion that is subtracted, and its colours.
 
-use crate::field_legend::FieldLegend;
 use crate::provenance::PictureProvenance;
 use crate::view_content::ViewContent;
 use particlegs_core::model::{Model, Quantity};
-use particlegs_core::picture::{Colormap, ValueScale};
+use particlegs_core::picture::{Colormap, Plane, ValueColors, ValueScale, journal_unit};
 use particlegs_core::render::{FieldMap, FieldQuery, MapComponent, first_means, mean_vector};
 use particlegs_core::{Error, NamedValue, Result};
+use particlegs_figure::ticks::{even, logarithmic};
+use particlegs_figure::{ColourBar, FigureImage, PaperColour, labelled};
 
 /// A field that is shown: its mean along each line of sight.
 #[derive(Clone, Debug, Default)]
@@ -90,6 +91,7 @@ impl FieldOptions {
                     format!("a bulk motion is subtracted from a vector, but field `{}` is a scalar", query.name);
                 return Err(Error::argument(message));
             }
+            // The mean is taken only where it is asked for: it passes over the whole field.
             query.bulk = match &text[..] {
                 "mean" => (source.mean)(&query.name),
                 numbers => vector(numbers)?,
@@ -125,4 +127,41 @@ fn vector(text: &str) -> Result<[f64; 3]> {
         text.split(',').map(|v| v.trim().parse().ok().filter(|v: &f64| v.is_finite())).collect();
     let three = numbers.and_then(|n| <[f64; 3]>::try_from(n).ok());
     three.ok_or_else(|| Error::argument(format!("the bulk motion is `mean` or three numbers X,Y,Z, not `{text}`")))
+}
+
+/// Ticks of a linear scale at most.
+const TICKS: f64 = 6.0;
+
+/// Title, unit and colours of a field.
+#[derive(Clone, Debug)]
+pub struct FieldLegend {
+    /// Name of the quantity, without its unit.
+    pub title: String,
+    pub unit: String,
+    pub scale: ValueScale,
+    /// The map; none for that of the scale.
+    pub map: Option<Colormap>,
+}
+
+impl FieldLegend {
+    /// The picture; pixels without a value have the background's colour, and those of little `shade` come near it.
+    pub fn image(
+        &self,
+        plane: &Plane<f64>,
+        shade: Option<&Plane>,
+        range: [f64; 2],
+        background: PaperColour,
+    ) -> FigureImage {
+        let colors = ValueColors { scale: self.scale, range, map: self.map };
+        FigureImage::Color(colors.image(plane, shade, background == PaperColour::White))
+    }
+
+    /// The colour bar of a range.
+    pub fn bar(&self, range: [f64; 2]) -> ColourBar {
+        let colors = ValueColors { scale: self.scale, range, map: self.map };
+        let [lo, hi] = range;
+        let ticks = if self.scale == ValueScale::Logarithmic { logarithmic(lo, hi) } else { even(lo, hi, TICKS) };
+        let colours = (0..=255).map(|i| colors.at(i as f32 / 255.0)).collect();
+        ColourBar { title: labelled(&self.title, &journal_unit(&self.unit)), colours, ticks }
+    }
 }

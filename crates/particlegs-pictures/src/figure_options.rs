@@ -118,6 +118,7 @@ impl FigureOptions {
     /// Font size in pixels for a PNG without a printed size.
     pub(crate) fn pixels(&self, size: Size) -> f64 {
         match (self.font_size, self.dpi) {
+            // A tall picture counts as one of its width in 16:9, so that labels fit across it.
             (None, _) => (size.height.min(size.width * 9 / 16) as f64 / 30.0).clamp(11.0, 200.0).round(),
             (Some(points), dpi) => points * dpi.unwrap_or(300.0) / 72.0,
         }

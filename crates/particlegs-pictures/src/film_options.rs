@@ -94,6 +94,7 @@ impl FilmOptions {
             (Some(frames), _, None) => turned(frames)?,
             (turn, None, Some(pictures)) => {
                 let around = turned(turn.unwrap_or(1))?;
+                // The turn starts again where the series has more pictures than it has.
                 let camera = |i: usize| around[i % around.len()].camera;
                 turned(pictures)?.into_iter().enumerate().map(|(i, v)| View { camera: camera(i), ..v }).collect()
             }

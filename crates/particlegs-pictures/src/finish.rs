@@ -1,20 +1,20 @@
 //! Turns rendered views into pictures or figures and writes them.
 
-use crate::colours::{self, common_range};
-use crate::field_legend::FieldLegend;
-use crate::figure_file;
+use crate::field_choice::FieldLegend;
 use crate::figure_options::{FigureAxes, FigureOptions};
 use crate::provenance::PictureProvenance;
-use crate::quantities::Quantities;
-use crate::subject::ViewSubject;
-use crate::view_content::ViewContent;
+use crate::subject::{Quantities, ViewSubject};
+use crate::view_content::{self, ViewContent, common_range};
 use particlegs_core::Result;
 use particlegs_core::camera::{CenteredCell, Projection, View, frame_number};
 use particlegs_core::math::each_axis;
 use particlegs_core::picture::{Colormap, Size, journal_unit};
-use particlegs_figure::png_file::{self, PngMetadata};
+use particlegs_figure::png_file::{self, PngMetadata, coded};
 use particlegs_figure::ticks::round_below;
-use particlegs_figure::{ColourBar, Figure, FigureImage, FileKind, Panel, ScaleBar, axes, cube, labelled, number};
+use particlegs_figure::{
+    ColourBar, Figure, FigureImage, FigureSpace, FileKind, Panel, ScaleBar, axes, cube, labelled, layout, number,
+    raster,
+};
 use particlegs_files::output::write_bytes;
 use std::path::Path;
 
@@ -69,7 +69,7 @@ impl Finisher<'_> {
             (ViewContent::Field(plane, shade), Some(field)) => {
                 field.image(plane, shade.as_ref(), range, self.options.ground())
             }
-            _ => colours::image(content, self.colormap, range, self.options.ground()),
+            _ => view_content::image(content, self.colormap, range, self.options.ground()),
         }
     }
 
@@ -177,7 +177,7 @@ impl Finisher<'_> {
         let shows_bar = self.shows_values() && self.options.has_bar();
         let ground = self.options.ground();
         let title = || labelled(&format!("Σ{}", self.quantities.of_what()), &journal_unit(&self.quantities.unit()));
-        let colors = colours::densities(self.colormap, ground, range);
+        let colors = view_content::densities(self.colormap, ground, range);
         let bar = shows_bar.then(|| match &self.field {
             Some(field) => field.bar(range),
             None => ColourBar::logarithmic(title(), range, |share| colors.at(share)),
@@ -221,7 +221,7 @@ impl Finisher<'_> {
             return Ok((image, self.options.dpi));
         }
         let panel = self.panel(content, view, range, FileKind::Png)?;
-        figure_file::pixels(&self.figure(vec![panel], 1, range), self.options)
+        pixels(&self.figure(vec![panel], 1, range), self.options)
     }
 
     /// Writes the picture of a view.
@@ -247,9 +247,41 @@ impl Finisher<'_> {
             }
             _ => {
                 let panel = self.panel(content, view, range, kind)?;
-                figure_file::bytes(&self.figure(vec![panel], 1, range), self.options, kind, &about)?
+                bytes(&self.figure(vec![panel], 1, range), self.options, kind, &about)?
             }
         };
         write_bytes(path, &bytes)
     }
+}
+
+/// A figure as pixels, and the resolution if its printed width is chosen.
+fn pixels(figure: &Figure, options: &FigureOptions) -> Result<(FigureImage, Option<f64>)> {
+    let size = figure.panels.first().map(|p| p.image.size());
+    let Some(points) = options.width else {
+        let em = size.map_or(11.0, |s| options.pixels(s));
+        return Ok((FigureImage::Color(raster(&layout(figure, em, FigureSpace::Pixels)?)?), options.dpi));
+    };
+    // The font's pixel size depends on the figure's size in pixels, which depends on the font.
+    let letters = options.letters();
+    // Fails here, in points, if the letters do not fit the printed width.
+    layout(figure, letters, FigureSpace::Width(points))?;
+    let mut em = 11.0;
+    let mut sheet = layout(figure, em, FigureSpace::Pixels)?;
+    for _ in 0..12 {
+        em = (letters * sheet.width / points).clamp(1.0, 2000.0);
+        sheet = layout(figure, em, FigureSpace::Pixels)?;
+    }
+    let page = raster(&sheet)?;
+    let dpi = page.size.width as f64 / (points / 72.0);
+    Ok((FigureImage::Color(page), Some(dpi)))
+}
+
+/// The bytes of a figure's file.
+pub fn bytes(figure: &Figure, options: &FigureOptions, kind: FileKind, about: &PngMetadata) -> Result<Vec<u8>> {
+    if kind == FileKind::Png {
+        let (image, dpi) = pixels(figure, options)?;
+        return coded(&image, &PngMetadata { dpi, ..about.clone() });
+    }
+    let points = options.points(kind).unwrap_or(72.0);
+    layout(figure, options.letters(), FigureSpace::Width(points))?.bytes(kind, about)
 }

@@ -36,6 +36,7 @@ pub fn coded(image: FigureImage, fps: u32) -> Result<GifFrame> {
             Frame { width, height, buffer: Cow::Owned(buffer), palette: Some(palette), ..Frame::default() }
         }
     };
+    // In hundredths of a second, rounded to the nearest.
     frame.delay = ((100 + fps / 2) / fps.max(1)).clamp(SHORTEST.into(), 100) as u16;
     frame.make_lzw_pre_encoded();
     Ok(GifFrame(frame))

@@ -6,17 +6,13 @@
 //! context. Nothing here prints.
 
 pub mod certificate;
-mod colours;
 mod comparison;
 mod density_file;
 mod field_choice;
-mod field_legend;
-mod figure_file;
 mod figure_options;
 mod film;
 mod film_options;
 mod finish;
-mod focus;
 mod frames;
 mod gif;
 mod layers;
@@ -26,8 +22,6 @@ mod panels;
 mod particles;
 mod picture_out;
 mod provenance;
-mod quantities;
-mod report;
 mod run;
 mod series_film;
 mod subject;
@@ -40,11 +34,11 @@ pub use comparison::{
 pub use field_choice::FieldOptions;
 pub use figure_options::{FigureAxes, FigureOptions};
 pub use film_options::{FilmLength, FilmOptions};
-pub use focus::HaloNumber;
 pub use models::{PictureSource, render_models, render_series};
 pub use options::{PictureOptions, PictureStyle, RenderOptions};
 pub use particles::render_particles;
 pub use provenance::{PictureProvenance, PictureUnits, SourceFile};
-pub use report::{PictureReport, RenderedView};
+pub use run::{PictureReport, RenderedView};
+pub use series_film::HaloNumber;
 pub use subject::ViewSubject;
 pub use view_options::{PictureCenter, ViewFit, ViewOptions};

@@ -2,17 +2,14 @@
 
 use crate::field_choice::FieldChoice;
 use crate::finish::Finisher;
-use crate::focus::{FocusPath, centred};
 use crate::layers;
 use crate::options::{PictureStyle, RenderOptions};
 use crate::panels::Panels;
 use crate::picture_out::PictureOut;
 use crate::provenance::{PictureProvenance, PictureUnits, SourceFile};
-use crate::quantities::Quantities;
-use crate::report::{PictureReport, RenderedView};
-use crate::run::DrawingJob;
-use crate::series_film::SeriesFilm;
-use crate::subject::ViewSubject;
+use crate::run::{DrawingJob, PictureReport, RenderedView};
+use crate::series_film::{FocusPath, SeriesFilm, centred};
+use crate::subject::{Quantities, ViewSubject};
 use crate::view_content::{ViewContent, ViewRenderer};
 use crate::view_options::PictureCenter;
 use particlegs_core::camera::{View, ViewSet};

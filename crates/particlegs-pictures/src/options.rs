@@ -3,7 +3,7 @@
 use crate::field_choice::FieldOptions;
 use crate::figure_options::FigureOptions;
 use crate::film_options::FilmOptions;
-use crate::focus::HaloNumber;
+use crate::series_film::HaloNumber;
 use crate::view_options::ViewOptions;
 use particlegs_core::picture::Colormap;
 use particlegs_core::splat::ToneStyle;

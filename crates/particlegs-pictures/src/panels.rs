@@ -1,7 +1,6 @@
 //! Several pictures in one figure: one range, one colour bar.
 
-use crate::figure_file;
-use crate::finish::Finisher;
+use crate::finish::{Finisher, bytes};
 use crate::picture_out::PictureOut;
 use crate::view_content::ViewRenderer;
 use particlegs_core::camera::ViewSet;
@@ -78,7 +77,7 @@ impl Panels<'_> {
         let path = out.picture("panels");
         let about = finish.about(&set.views, set.size, shown_range)?;
         let figure = finish.figure(panels, self.columns(set.views.len()), shown_range);
-        write_bytes(&path, &figure_file::bytes(&figure, finish.options, out.kind(), &about)?)?;
+        write_bytes(&path, &bytes(&figure, finish.options, out.kind(), &about)?)?;
         Ok((path, range))
     }
 

@@ -44,6 +44,7 @@ impl<T: Copy + Default> BandSorter<T> {
 
     /// The splats by band (one that reaches several stands in each); empties the sorter.
     pub fn sort(&mut self, bands: usize) -> BandedSplats<T> {
+        // A counting sort keeps the order of particles within a band, on which blending and sums depend.
         let mut start = vec![0u32; bands + 1];
         for &[first, end] in &self.reach {
             for band in first..end {

@@ -15,6 +15,7 @@ pub(super) struct BlendedPixel {
 /// A float in [0, 1] to 8 bits, as Mesa rounds it: one float32 product, then ties to even.
 #[inline(always)]
 fn to_byte(x: f32) -> u32 {
+    // Next to 2^15 float32 counts in 1/256: the last byte of the sum is 255 x, rounded to even.
     ((x * (255.0 / 256.0)) + 32768.0).to_bits() & 0xff
 }
 
@@ -62,6 +63,7 @@ pub(super) fn blend(depth: &[f32], alpha: &[f32], peels: usize, rest: bool) -> B
 }
 
 fn extremes(depth: &[f32]) -> (f32, f32) {
+    // Window depths lie in [0, 1]: the fold begins with an empty range.
     depth.iter().fold((1.0, -1.0), |(lo, hi), &z| (if z < lo { z } else { lo }, if z > hi { z } else { hi }))
 }
 
@@ -81,6 +83,7 @@ fn peel_once(depth: &[f32], alpha: &[f32], front: u32, [low, high]: [f32; 2]) ->
             out.next = [if z < out.next[0] { z } else { out.next[0] }, if z > out.next[1] { z } else { out.next[1] }];
             out.front = out.front.max(front);
         } else if z < low - E || z > high + E {
+            // It was peeled before: the front stays as it is.
             out.front = out.front.max(front);
         } else if a > 0.0 {
             if z >= low - E && z <= low + E {

@@ -73,6 +73,7 @@ impl PointProjector {
                 v = each_axis(|k| v[k] + shift[k]);
             }
             let [x, y, depth] = self.axes.map(|a| a[0] * v[0] + a[1] * v[1] + a[2] * v[2]);
+            // In this form the test leaves out NaN as well.
             if !(depth >= self.range[0] && depth < self.range[1]) {
                 continue;
             }
@@ -114,6 +115,7 @@ pub(super) fn unsmoothed(
         let deposits: Vec<Deposits> = parallel::map((round..end).step_by(CHUNK), |start| {
             buffers.with(|buffer| sight.deposit(&particles.chunk(start..end.min(start + CHUNK), buffer), &shifts))
         });
+        // Each task owns a band and adds the chunks in their order: threads change no bit.
         parallel::for_each_chunk(&mut sums, BAND * size.width, |band, sums| {
             for chunk in &deposits {
                 for &(pixel, mass) in &chunk[band] {
@@ -135,6 +137,7 @@ impl PointProjector {
             self.each(chunk, shift, |i, ProjectedPoint { x, y, scale }| {
                 if x >= 0.0 && y >= 0.0 && x < width as f64 && y < height as f64 {
                     let (column, row) = (x as usize, y as usize);
+                    // At this depth a pixel is 1 / scale world units wide.
                     let density = self.mass(chunk, i) * scale * scale;
                     out[row / BAND].push((((row % BAND) * width + column) as u32, density as f32));
                 }

@@ -77,6 +77,7 @@ impl Depositor {
     pub fn new(opacity: f64) -> Self {
         let root = (0.5 * std::f64::consts::PI).sqrt();
         let half = std::f64::consts::FRAC_1_SQRT_2;
+        // The table has one entry beyond the last: interpolation reads it at the very end.
         let at = |k: usize| CUT_SIGMA * (2.0 * k as f64 / STEPS as f64 - 1.0);
         let integral =
             (0..=STEPS + 1).map(|k| (root * (erf(at(k.min(STEPS)) * half) + erf(CUT_SIGMA * half))) as f32).collect();
@@ -201,6 +202,7 @@ impl Depositor {
     #[inline(always)]
     fn add_rotated(&self, splat: &PixelSplat, window: &RowWindow, rows: &mut RowRun<'_>, sum: &mut Vec<f32>) {
         let form = RotatedForm::new(splat);
+        // Faint splats show no edges: the less one changes within a row, the fewer lines it needs.
         let lines = if self.opacity > SERIES_OPACITY {
             CUT_LINES
         } else {
@@ -278,6 +280,7 @@ impl RotatedForm {
         // (u, v) = inverse (dx, dy).
         let [u, v] = [[d * s, -b * s], [-c * s, a * s]];
         let dot = |i: usize, j: usize| u[i] * u[j] + v[i] * v[j];
+        // Large splats cut steep edges along rows and flat ones along columns, so that no slope is huge.
         let (steep, flat) = if u[0].abs() * v[1].abs() >= u[1].abs() * v[0].abs() { (u, v) } else { (v, u) };
         // An edge along an axis cuts either all of a line or nothing of it.
         let solid = |p: f32| if p.abs() < 1e-12 { 1e-12 } else { p };
@@ -318,6 +321,7 @@ impl RowWindow {
     #[inline(always)]
     fn new(splat: &PixelSplat, rows: &RowRun<'_>) -> Option<RowWindow> {
         let [rx, ry] = splat.reach();
+        // Casts saturate: a splat far to the right may end at the largest i32.
         let span = |c: f32, r: f32, first: i32, count: usize| {
             [((c - r).floor() as i32).max(first), ((c + r).floor() as i32).saturating_add(1).min(first + count as i32)]
         };
@@ -360,6 +364,7 @@ fn minus_ln_series(m: f32) -> f32 {
 /// `exp(-q/2)` for q >= 0 to about 1e-7.
 #[inline(always)]
 fn gaussian(q: f32) -> f32 {
+    // 2^-126 is the least normal float32: below it the exponent's bits would be wrong.
     let x = (q * (-0.5 * std::f32::consts::LOG2_E)).max(-126.0);
     let whole = x.floor();
     let f = (x - whole) * std::f32::consts::LN_2;
@@ -368,6 +373,7 @@ fn gaussian(q: f32) -> f32 {
         + f * (1.0
             + f * (0.5
                 + f * (1.0 / 6.0 + f * (1.0 / 24.0 + f * (1.0 / 120.0 + f * (1.0 / 720.0 + f * (1.0 / 5040.0)))))));
+    // These are the bits of 2^whole.
     p * f32::from_bits(((whole as i32 + 127) as u32) << 23)
 }
 
@@ -376,6 +382,7 @@ fn gaussian(q: f32) -> f32 {
 fn minus_ln(y: f32) -> f32 {
     // y = 2^e m with m in [sqrt 1/2, sqrt 2); ln m = 2 artanh((m - 1)/(m + 1)).
     let bits = y.to_bits() as i32;
+    // 0x3f3504f3 are the bits of sqrt 1/2.
     let e = (bits - 0x3f35_04f3) >> 23;
     let m = f32::from_bits((bits - (e << 23)) as u32);
     let s = (m - 1.0) / (m + 1.0);

@@ -89,6 +89,7 @@ impl<'a> DepthJob<'a> {
         let mut job = DepthJob { particles, projector, size, context, level: [0; OCTAVES] };
         for (octave, cover) in job.cover_by_octave().into_iter().enumerate() {
             if cover > direct {
+                // So many halvings bring the deviation below `LARGE_SIGMA`.
                 let excess = octave as i32 + 1 - libm::log2f(LARGE_SIGMA) as i32;
                 job.level[octave] = excess.clamp(0, 12) as u8;
             }
@@ -106,6 +107,7 @@ impl<'a> DepthJob<'a> {
         let sampled = visit_sample(self.particles, |chunk| {
             self.for_splats(chunk, |splat, _| {
                 let [sx, sy] = splat.sigma();
+                // A splat's square is six deviations wide, and the picture holds no more of it than its pixels.
                 cover[octave(sx.min(sy))] += (36.0 * f64::from(sx) * f64::from(sy)).min(self.size.pixels() as f64);
             });
         });
@@ -162,6 +164,7 @@ impl<'a> DepthJob<'a> {
                         let splat = PixelSplat { x: screen.x[i], y: screen.y[i], axes };
                         let [rx, ry] = splat.reach();
                         let inside = splat.x + rx > 0.0 && splat.x - rx < w && splat.y + ry > 0.0 && splat.y - ry < h;
+                        // A splat next to the eye may be wider than float32 holds.
                         if inside && rx > 0.0 && ry > 0.0 && rx.is_finite() && ry.is_finite() {
                             work(&splat, false);
                         }
@@ -213,6 +216,7 @@ fn screen_kernel<S: Simd>(_simd: S, block: &ProjectedBlock, [w, h]: [f32; 2], ou
 /// floor(log2 sigma), 0 for anything below 2.
 #[inline]
 fn octave(sigma: f32) -> usize {
+    // The exponent's bits of a float32 that is not negative.
     (((sigma.to_bits() >> 23) as i32) - 127).clamp(0, OCTAVES as i32 - 1) as usize
 }
 

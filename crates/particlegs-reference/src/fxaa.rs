@@ -116,6 +116,7 @@ impl FxaaImage<'_> {
     fn edge(&self, x: i32, y: i32, c: f32, [n, s, w, e]: [f32; 4]) -> f32 {
         let (ne, se) = (self.lum(x + 1, y + 1), self.lum(x + 1, y - 1));
         let (nw, sw) = (self.lum(x - 1, y + 1), self.lum(x - 1, y - 1));
+        // Second differences: an edge lies across the direction in which luminosity bends more.
         let bend = |a: f32, mid: f32, b: f32| (-2.0 * mid + (a + b)).abs();
         let vertical = (2.0 * bend(w, c, e) + bend(nw, n, ne)) + bend(sw, s, se);
         let horizontal = (2.0 * bend(n, c, s) + bend(nw, w, sw)) + bend(ne, e, se);
@@ -133,6 +134,7 @@ impl FxaaImage<'_> {
         let (near, distance) = if back.1 < ahead.1 { back } else { ahead };
         let value = self.tables.value[self.level(x, y) as usize];
         if (near - other).abs() < (near - c).abs() {
+            // Half a pixel at the end of the span, and nothing at its middle.
             let shift = 0.5 - distance as f32 / (back.1 + ahead.1) as f32;
             let (from, to) = (self.level(x, y), self.level(x + across[0], y + across[1]));
             // The texture unit's position is upward and rightward.

@@ -28,6 +28,7 @@ pub(super) fn projected(square: f64) -> f64 {
 /// The share of the mass below a plane at `t` from the centre.
 fn share_below(t: f32) -> f32 {
     let far = t.abs().min(1.0);
+    // Integrals of the spline's two pieces over the cap beyond the plane.
     let beyond = if far < 0.5 {
         let square = far * far;
         0.5 - far * (1.4 - square * (8.0 / 3.0 - square * (4.8 - 3.2 * far)))
@@ -123,6 +124,7 @@ impl KernelTable {
             }
             whole += f64::from(sum);
         }
+        // Over the sum of the samples, so that their coarseness costs no mass.
         let density = f64::from(disc.density) / whole;
         let pixel = |first: f32, k: usize| (first as i32 + k as i32).div_euclid(parts as i32);
         let columns: [Option<usize>; ACROSS] = std::array::from_fn(|k| sums.column(pixel(first[0], k)));

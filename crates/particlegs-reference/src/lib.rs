@@ -27,8 +27,6 @@ mod uniform;
 
 #[cfg(test)]
 mod tests;
-#[cfg(test)]
-mod twin;
 
 pub use draw::Reference;
 pub use field_map::FieldValues;

@@ -369,6 +369,7 @@ fn touch_kernel<S: Simd>(_simd: S, block: &ProjectedBlock, size: Size, keep: &mu
         let bottom = first_pixel(snap((y - ey) * sy + sy)).max(0);
         let top = first_pixel(snap((y + ey) * sy + sy)).min(h);
         let rotated = block.c01[i].abs() > DIAGONAL_LIMIT;
+        // Whether a rotated quad covers a centre, its edges tell later.
         keep[i] = u8::from(((left < right) & (bottom < top)) | rotated);
     }
 }

@@ -77,6 +77,7 @@ fn axes(c00: f32, c11: f32, c01: f32) -> Option<[f32; 4]> {
     let s = 1.0 / (ux * ux + uy * uy).sqrt();
     let (ux, uy) = (ux * s, uy * s);
     let (s1, s2) = (e1.sqrt(), e2.sqrt());
+    // The second axis is the first one turned by a right angle.
     let all = [s1 * ux, s2 * uy, s1 * uy, -s2 * ux];
     all.iter().all(|v| !v.is_nan()).then_some(all)
 }
@@ -123,6 +124,7 @@ impl Projector {
 
     /// No splat's pixel radius is larger, whatever its place: the near plane bounds it.
     pub fn radius_pixels_at_most(&self, size: Size) -> f32 {
+        // The matrix holds the near plane in this quotient.
         let near = self.p23 / (self.p22 - 1.0);
         self.radius * self.p11 * 0.5 * size.height as f32 / near * 2.0
     }
@@ -141,6 +143,7 @@ fn project_kernel<S: Simd>(_simd: S, p: &Projector, [xs, ys, zs]: [&[f32]; 3], o
     let r2 = p.radius * p.radius;
     for i in 0..n {
         let (x, y, z) = (xs[i], ys[i], zs[i]);
+        // The shader's order of sums, without fused operations: float32 rounds as VTK's does.
         let vx = ((m[0][0] * x + m[0][1] * y) + m[0][2] * z) + m[0][3];
         let vy = ((m[1][0] * x + m[1][1] * y) + m[1][2] * z) + m[1][3];
         let vz = ((m[2][0] * x + m[2][1] * y) + m[2][2] * z) + m[2][3];

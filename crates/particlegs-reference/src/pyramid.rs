@@ -88,6 +88,7 @@ impl Pyramid {
 
     /// Coarse planes interpolated up and added; the picture's plane, top row first.
     pub fn collapse(mut self) -> Plane {
+        // From the coarsest down, so that each plane holds all that are coarser.
         for l in (1..self.levels.len()).rev() {
             let coarse = std::mem::take(&mut self.data[l]);
             add_upsampled(&coarse, &self.levels[l], &mut self.data[l - 1], &self.levels[l - 1]);
@@ -104,6 +105,7 @@ impl Pyramid {
 fn taps(index: usize, fine: &PyramidLevel, coarse: &PyramidLevel) -> (usize, [f32; 4]) {
     let at = index as i32 - fine.pad as i32;
     let center = at.div_euclid(2) + coarse.pad as i32;
+    // A fine centre lies a quarter of a coarse pixel before or behind the coarse centre.
     if at.rem_euclid(2) == 0 {
         (center as usize - 2, TAPS)
     } else {

@@ -140,6 +140,7 @@ impl Quad {
     #[inline]
     fn covers(&self, column: i32, row: i32) -> bool {
         let mut p = [self.corner[0], self.corner[1], self.corner[3], self.corner[2]];
+        // A mirrored quad runs clockwise, which would reverse the signs below.
         if cross(p[0], p[1], p[2]) < 0 {
             p.swap(1, 3);
         }
@@ -186,6 +187,7 @@ impl Quad {
         let ooa = 1.0 / (dxy01[0] * dxy20[1] - dxy01[1] * dxy20[0]);
         let d01 = dxy01.map(|d| d * ooa);
         let d20 = dxy20.map(|d| d * ooa);
+        // Planes are taken at whole columns and rows, which stand for centres at a half.
         let center = [v[0][0] - 0.5, v[0][1] - 0.5];
         let plane = |k: usize| {
             let a = t.map(|i| OFFSETS[i][k]);
@@ -248,6 +250,7 @@ fn fma(a: f32, b: f32, c: f32) -> f32 {
 fn exp2(x: f32) -> f32 {
     const C: [f32; 6] = [1.0, 0.693_153_1, 0.240_153_62, 0.055_826_318, 0.008_989_34, 0.001_877_576_7];
     let x = x.max(-126.99999);
+    // `floor` without a call: the nearest whole number, and one less where that is above.
     let near = (x + ROUNDER) - ROUNDER;
     let floor = if near > x { near - 1.0 } else { near };
     let f = x - floor;

@@ -150,6 +150,7 @@ impl Discs<'_> {
 
 /// The plane that a disc of a radius in pixels goes to: the finest where it is not too large.
 fn level(radius: f64) -> Option<i32> {
+    // A little less, so that no radius is above the kernel's limit once it is float32.
     let most = 0.999 * f64::from(LARGEST);
     (0..=MOST_LEVELS).find(|level| radius * 0.5f64.powi(*level) <= most)
 }

@@ -50,6 +50,7 @@ fn depth_inside(domain: &Domain, start: [f64; 3], direction: [f64; 3], range: [f
     let (start, direction) = (along(each_axis(|k| start[k] - domain.min[k])), along(direction));
     for (k, length) in domain.length.into_iter().enumerate() {
         let (a, z) = (-start[k] / direction[k], (length - start[k]) / direction[k]);
+        // A ray along the faces is between them everywhere or nowhere.
         if direction[k] == 0.0 {
             if start[k] < 0.0 || start[k] > length {
                 return 0.0;

@@ -73,6 +73,7 @@ fn byte_range(text: &str) -> Option<impl Fn(u64) -> (u64, u64)> {
 
 /// A response with one line that says why the request failed.
 pub fn refusal(status: StatusCode, why: &str) -> HttpResponse {
+    // Words of the request may be in it, and must not break the line.
     let line: String = why.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
     let mut answer = bytes("text/plain; charset=utf-8", Bytes::from(line + "\n"));
     *answer.status_mut() = status;

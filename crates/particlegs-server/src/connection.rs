@@ -89,6 +89,7 @@ impl SiteServer {
         let SiteServer { listener, guard, door, limits, table } = self;
         let fault = |e| Error::io("the server", e);
         let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build().map_err(fault)?;
+        // Tokio takes over only sockets that do not block.
         listener.set_nonblocking(true).map_err(fault)?;
         let (events, happened) = channel();
         let (reported, asked) = (Mutex::default(), Mutex::new(Instant::now()));
@@ -153,6 +154,7 @@ impl ConnectionState {
         }
         self.is_asked();
         let answer = self.answer_at(place, request).await;
+        // A picture may take longer than the idle time, so its end counts as a request as well.
         self.is_asked();
         answer
     }

@@ -46,6 +46,7 @@ impl Guard {
             ["http", "https"].contains(&scheme).then_some((authority(rest)?, known))
         });
         match from {
+            // Browsers leave out the usual port of the scheme, in Host and in Origin.
             Some((from, known)) if from.name == site.name && from.is_at(site.port.unwrap_or(known), known) => Ok(()),
             Some((from, _)) if self.proxies.contains(&from.name) => Ok(()),
             _ => Err(Refusal::Origin),
@@ -89,6 +90,7 @@ impl Authority {
 }
 
 fn authority(text: &str) -> Option<Authority> {
+    // An IPv6 address has colons of its own, inside brackets.
     let colon = match text.rfind(']') {
         Some(end) if text.starts_with('[') => text[end..].find(':').map(|c| end + c),
         Some(_) => return None,

@@ -8,7 +8,6 @@ mod connection;
 mod door;
 mod guard;
 mod render_queue;
-mod render_request;
 mod table;
 pub mod tunnel;
 
@@ -134,6 +133,7 @@ impl Server {
     /// The address to open on this machine.
     pub fn url(&self) -> String {
         let ip = match self.address.ip() {
+            // 0.0.0.0 is an address to listen at, not one that a browser can open.
             any if any.is_unspecified() => IpAddr::V4(Ipv4Addr::LOCALHOST),
             ip => ip,
         };
@@ -182,6 +182,7 @@ impl Server {
                 scope.spawn(move || slot.set(draw(&first)));
             }
             let served = listening.serve(context, tell);
+            // The worker waits for requests until the queue is closed, and the scope for the worker.
             queue.iter().for_each(|q| q.close());
             served
         })

@@ -1,8 +1,7 @@
 //! All addresses behind the token. There are no others: nothing is looked up in a file system.
 
 use crate::answer::{HttpResponse, bytes, part, refusal, with};
-use crate::render_queue::RenderQueue;
-use crate::render_request::RenderRequest;
+use crate::render_queue::{RenderQueue, RenderRequest};
 use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
@@ -83,6 +82,7 @@ impl RouteTable {
             "truth" => self.queue.is_some().then_some(Route::Truth),
             _ => {
                 let number = path.strip_prefix("model/")?;
+                // Compared as text, so that a model has one address: neither `01` nor `+1`.
                 (0..self.models.len()).find(|i| i.to_string() == number).map(Route::Model)
             }
         }

@@ -1,14 +1,34 @@
-//! A device that draws and trains in place of the CPU.
+//! What a run is given: the particles that it learns from, and a device that draws and trains in place of the CPU.
 
 use crate::alpha;
 use crate::depth::{DepthStepper, Parameters};
-use crate::subject::TrainingSubject;
 use particlegs_core::Result;
 use particlegs_core::context::Context;
 use particlegs_core::render::{Renderer, Scene};
 use particlegs_core::space::Bounds;
 use std::fmt::Debug;
 use std::ops::Range;
+
+/// The particles of a run: their pictures to learn from and to be scored on, and where they lie.
+/// `particlegs_reference::Reference` is one.
+pub trait TrainingSubject: Renderer {
+    fn len(&self) -> usize;
+
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    fn position(&self, i: usize) -> [f64; 3];
+
+    /// Origin of positions as they are stored, world units.
+    fn origin(&self) -> [f64; 3];
+
+    /// Positions of particles relative to the origin, as they are stored, in columns.
+    fn columns(&self, range: Range<usize>) -> [Vec<f32>; 3];
+
+    /// Bounds of the particles, world units: they say between which distances a view without any draws.
+    fn bounds(&self) -> Bounds;
+}
 
 /// Positions of a range of particles in columns, relative to the snapshot's origin.
 pub type ColumnReader<'a> = Box<dyn Fn(Range<usize>) -> [Vec<f32>; 3] + Send + Sync + 'a>;

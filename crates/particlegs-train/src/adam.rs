@@ -36,6 +36,7 @@ impl Averages {
         }
         let sum = |run: &[f32]| run.iter().map(|s| f64::from(s.sqrt())).sum::<f64>();
         let sums = parallel::map(self.second.chunks(RUN), sum);
+        // The average starts at 0, so early ones are too small by this factor (Kingma and Ba 2015, section 3).
         let correct = 1.0 - beta2.powi(self.steps.min(i32::MAX as u64) as i32);
         sums.iter().sum::<f64>() / self.second.len() as f64 / correct.sqrt()
     }

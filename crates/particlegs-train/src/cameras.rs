@@ -39,6 +39,7 @@ impl Views {
     /// As many as `cameras` says on the orbits, shuffled, the first of them held out; as many again
     /// inside where `internal`.
     pub fn new(cameras: &Cameras, defaults: &Defaults, internal: bool) -> Views {
+        // A fixed shape, so that all stages see the same cameras.
         let wide = Size { width: 16, height: 9 };
         let base = base_distance(&defaults.bounds, wide);
         let center = defaults.bounds.center();
@@ -48,12 +49,14 @@ impl Views {
             let frames = (cameras.frames / orbits + u64::from(k < cameras.frames % orbits)) as usize;
             poses.extend(spiral(center, factor * base, frames, Some(defaults.seed ^ TURN ^ k)));
         }
+        // Without a shuffle, the held-out views would all be on the first orbit.
         let mut draw = Random::from_purpose(Purpose::TrainingShuffle, defaults.seed, 0);
         for i in (1..poses.len()).rev() {
             poses.swap(i, (draw.uniform() * (i + 1) as f64) as usize);
         }
         let view = |i: usize, camera: Camera| sampled(cameras, defaults, i as u64, camera);
         let orbit: Vec<View> = poses.into_iter().enumerate().map(|(i, c)| view(i, c)).collect();
+        // At least one view is for the score and one for training.
         let held = ((orbit.len() as f64 * cameras.held_out).ceil() as usize).clamp(1, orbit.len() - 1);
         let internal = if internal { cameras.frames as usize } else { 0 };
         Views {

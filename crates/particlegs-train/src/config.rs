@@ -1,4 +1,4 @@
-//! Every hyper-parameter of a training run, and the presets.
+//! Every hyper-parameter of a training run, the presets, and the published fine-tuning of merged models.
 
 use super::alpha::AlphaConfig;
 use super::depth::DepthConfig;
@@ -75,7 +75,7 @@ pub struct Config {
     pub stages: Vec<Stage>,
     /// Particles that a random start draws, at most as many as the file has room for; `None` (0 in a file) =
     /// that many.
-    #[serde(with = "crate::zero_is_none")]
+    #[serde(with = "zero_is_none")]
     pub start_gaussians: Option<u64>,
     pub optical_depth: DepthConfig,
     pub alpha_blend: AlphaConfig,
@@ -167,6 +167,7 @@ impl Config {
             return Err(Error::argument(format!("the scale must be above 0 and at most 1, not {scale}")));
         }
         let steps = |n: u64| ((n as f64 * scale).round() as u64).max(u64::from(n > 0));
+        // Sides stay at 16 pixels or more, but a crop of 0, which means the whole picture, stays 0.
         let pixels = |n: usize| ((n as f64 * scale).round() as usize).max(16.min(n));
         for stage in &mut self.stages {
             stage.iterations = steps(stage.iterations);
@@ -195,6 +196,7 @@ impl Config {
         let (mut before, mut done) = (0, 0);
         for stage in &mut self.stages {
             before += stage.iterations;
+            // The ends are rounded instead of the lengths, so that the stages add up to `n`.
             let end = (before as f64 / total * n as f64).round() as u64;
             stage.iterations = end - done;
             stage.densify.until = (stage.densify.until as f64 / total * n as f64).round() as u64;
@@ -274,6 +276,45 @@ impl Config {
     }
 }
 
+impl Config {
+    /// The published fine-tuning of a merged alpha-blend model (paper section III-D, docs/law/published.md):
+    /// 60 000 iterations at 1080p on the pictures of the whole snapshot's orbits, densification every
+    /// 100 until 30 000, wider ranges of the network and nothing that holds it, no reset of opacities
+    /// and no pruning by them. The run starts from a model, whatever `start` says.
+    pub fn fine_tuning() -> Config {
+        let published = Config::preset(Preset::Paper, LawKind::AlphaBlend);
+        let first = published.stages[0];
+        let stage = Stage {
+            iterations: 60_000,
+            size: [1920, 1080],
+            internal: 0.0,
+            densify: Densify { every: 100, until: 30_000, threshold: 2e-4 },
+            ..first
+        };
+        Config {
+            start: Start::Fit,
+            cameras: Cameras { frames: 400, ..published.cameras },
+            stages: vec![stage],
+            start_gaussians: None,
+            alpha_blend: AlphaConfig::fine_tuning(),
+            ..published
+        }
+    }
+}
+
+/// A number that may be missing, which files write as 0.
+pub(crate) mod zero_is_none {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(number: &Option<u64>, to: S) -> Result<S::Ok, S::Error> {
+        number.unwrap_or(0).serialize(to)
+    }
+
+    pub fn deserialize<'a, D: Deserializer<'a>>(from: D) -> Result<Option<u64>, D::Error> {
+        Ok(Some(u64::deserialize(from)?).filter(|n| *n > 0))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -322,5 +363,19 @@ mod tests {
         off.alpha_blend.reset_every = 0;
         let off = off.with_iterations(10).unwrap();
         assert_eq!((off.alpha_blend.reset_every, off.stages[0].densify.every), (0, 1));
+    }
+
+    #[test]
+    fn the_recipe_is_the_published_one() {
+        let c = Config::fine_tuning();
+        c.check().unwrap();
+        assert_eq!((c.iterations(), c.stages[0].size, c.stages[0].oversample), (60_000, [1920, 1080], 2));
+        assert_eq!(c.stages[0].densify, Densify { every: 100, until: 30_000, threshold: 2e-4 });
+        let a = c.alpha_blend;
+        assert_eq!((a.ranges.scale, a.ranges.opacity, a.ranges.floor), (0.3, 0.8, 0.1));
+        assert_eq!((a.identity, a.least_opacity, a.reset_every, a.densify_from), (0.0, 0.0, 0, 1));
+        let small = c.scaled(0.01).unwrap();
+        small.check().unwrap();
+        assert_eq!((small.iterations(), small.stages[0].densify.until), (600, 300));
     }
 }

@@ -14,9 +14,6 @@ pub mod alpha;
 mod cameras;
 mod config;
 pub mod depth;
-mod dssim;
-mod fine_tune;
-mod held_out;
 mod journal;
 mod learner;
 mod loss;
@@ -24,13 +21,11 @@ mod run;
 #[cfg(test)]
 mod run_tests;
 mod state;
-mod subject;
 mod targets;
 #[cfg(test)]
 mod targets_tests;
-mod zero_is_none;
 
-pub use accelerator::{Accelerator, ColumnReader, ParticleInput};
+pub use accelerator::{Accelerator, ColumnReader, ParticleInput, TrainingSubject};
 pub use adam::Averages;
 pub use alpha::AlphaConfig;
 pub use cameras::Defaults;
@@ -39,4 +34,3 @@ pub use depth::{DepthConfig, DepthRates};
 pub use learner::{Crop, Densify, NonFiniteGradient, StepReport, TrainingSample};
 pub use loss::{Loss, Norm};
 pub use run::{InitialGaussians, Limits, TrainedMixture, TrainedRun, Training};
-pub use subject::TrainingSubject;

@@ -1,16 +1,14 @@
 //! A training run: stages of steps, evaluation on held-out views, checkpoints, a log.
 
-use super::accelerator::Accelerator;
+use super::accelerator::{Accelerator, TrainingSubject};
 use super::alpha::{AlphaConfig, AlphaLearner, TrainingScale};
 use super::cameras::{Defaults, Views};
 use super::config::{Config, Stage};
 use super::depth::{DepthContext, DepthCpuSteps, DepthLearner};
-use super::held_out::HeldOutViews;
 use super::journal::{Journal, RunStatus};
 use super::learner::{Crop, Learner, StepInfo, TrainingSample};
 use super::state::TrainingState;
-use super::subject::TrainingSubject;
-use super::targets::Targets;
+use super::targets::{HeldOutViews, Targets};
 use particlegs_core::camera::{Normalisation, View};
 use particlegs_core::checkpoint::CheckpointStore;
 use particlegs_core::context::Context;
@@ -317,6 +315,7 @@ impl TrainingLoop<'_> {
 
     /// Share of the time for training that is over.
     fn share_of_time(&self) -> f64 {
+        // The limit may have been over before the first step.
         let share = |s: f64| (self.seconds() - self.first) / (s - self.first).max(f64::MIN_POSITIVE);
         self.limits.seconds.map_or(0.0, share)
     }
@@ -391,6 +390,7 @@ impl TrainingLoop<'_> {
         if self.iteration == 0 {
             self.best.first = score;
         }
+        // `None` compares as less than any score, so it never replaces one.
         if self.iteration == 0 || score > self.best.score {
             self.best = BestState { first: self.best.first, score, state: self.learner.state() };
         }

@@ -81,6 +81,7 @@ fn read_columns<T, const N: usize>(
         let name = u32::from_le_bytes(take(4)?.try_into().ok()?);
         let name = String::from_utf8(take(name as usize)?.to_vec()).ok()?;
         let len = usize::try_from(u64::from_le_bytes(take(8)?.try_into().ok()?)).ok()?;
+        // The bytes must be there before memory is reserved: a wrong length cannot ask for much.
         let bytes = take(len.checked_mul(N)?)?;
         columns.insert(name, bytes.chunks_exact(N).filter_map(|c| Some(number(c.try_into().ok()?))).collect());
     }

@@ -256,6 +256,7 @@ impl PageBuilder {
 fn policy(delivery: Delivery) -> String {
     let (script, style) = (assets::SCRIPT_HASH, assets::STYLE_HASH);
     let images = if delivery == Delivery::Server { " 'self'" } else { "" };
+    // A page on disk requests nothing.
     let connect = if delivery == Delivery::InPage { "" } else { " connect-src 'self';" };
     format!(
         "default-src 'none'; script-src 'sha256-{script}' 'wasm-unsafe-eval'; style-src 'sha256-{style}'; worker-src blob:; \

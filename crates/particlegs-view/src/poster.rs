@@ -44,6 +44,7 @@ pub fn draw(model: &Model, size: Size, context: &Context<'_>) -> Result<Poster> 
     }
     let plane = surface_density(&scene, &DensityView::of_view(&view, scene.bounds()), size, context)?;
     let range = plane.first_range();
+    // Where every pixel is empty, any range gives the same picture.
     let colors = DensityColors::new(Colormap::default(), false, range.unwrap_or([1.0, 10.0]));
     let pixels: Vec<u8> = plane.data.iter().flat_map(|v| colors.of(*v)).collect();
     Ok(Poster { png: png_bytes(size, &pixels)?, range })

@@ -50,6 +50,7 @@ fn cut(mean: &mut [f64; 3], cov: &mut Sym3, axis: usize, [low, high]: [f64; 2]) 
     let variance = cov.0[ROWS[axis][axis]];
     let s = variance.max(0.0).sqrt();
     let at = mean[axis];
+    // Less than 1e-8 of the mass lies further away than this.
     let reach = 6.0 * s;
     if at - reach >= low && at + reach <= high {
         return 1.0;
@@ -60,9 +61,11 @@ fn cut(mean: &mut [f64; 3], cov: &mut Sym3, axis: usize, [low, high]: [f64; 2]) 
     }
     let density =
         |z: f64| if z.abs() < 40.0 { (-0.5 * z * z).exp() / (2.0 * std::f64::consts::PI).sqrt() } else { 0.0 };
+    // A distant plane must not give infinity times a density of 0.
     let (a, b) = (((low - at) / s).clamp(-40.0, 40.0), ((high - at) / s).clamp(-40.0, 40.0));
     let shift = (density(a) - density(b)) / share;
     let left = (1.0 + (a * density(a) - b * density(b)) / share - shift * shift).clamp(0.0, 1.0);
+    // The other axes follow by their linear regression on this one.
     let slope = each_axis(|k| cov.0[ROWS[axis][k]] / variance);
     *mean = each_axis(|k| mean[k] + slope[k] * s * shift);
     let change = (left - 1.0) * variance;

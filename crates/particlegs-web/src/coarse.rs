@@ -31,6 +31,7 @@ pub(crate) fn joined(m: &Mixture, run: usize) -> Mixture {
         if count <= 0.0 {
             continue;
         }
+        // Means are summed about the first, so that places far from 0 keep their digits.
         let first = m.mean_of(start);
         let sum = all.clone().fold([0.0; 3], |s, i| each_axis(|k| s[k] + m.count[i] * (m.mean[k][i] - first[k])));
         let mean = each_axis(|k| first[k] + sum[k] / count);
@@ -64,6 +65,7 @@ fn join_field(
         each_axis(|k| sum(&|i| m.cov_of(i).apply(slope(c, i))[k] + (m.mean[k][i] - mean[k]) * from_mean(c, i)))
     };
     let with: Vec<[f64; 3]> = (0..means.len()).map(with).collect();
+    // A flat or pointlike covariance has no inverse without a little width.
     let inverse = cov.add(&Sym3::scaled_identity(1e-9 * cov.trace())).inverse().unwrap_or_default();
     let slopes: Vec<[f64; 3]> = with.iter().map(|w| inverse.apply(*w)).collect();
     for (c, mean) in means.iter().enumerate() {
@@ -73,10 +75,12 @@ fn join_field(
     let pairs = (0..means.len()).flat_map(|a| (a..means.len()).map(move |b| (a, b)));
     for (place, (a, b)) in pairs.enumerate() {
         let within = |i: usize| field.spread[place][i] + dot(slope(a, i), m.cov_of(i).apply(slope(b, i)));
+        // What the joint slopes explain is no spread about them.
         let spread = sum(&|i| within(i) + from_mean(a, i) * from_mean(b, i)) - dot(with[a], slopes[b]);
         to.spread[place].push(if a == b { spread.max(0.0) } else { spread });
     }
     if let Some(excess) = &mut to.excess {
+        // The excess is what a log-normal distribution of these moments lacks of the values' mean.
         let value = sum(&|i| field.overall_value(0, i, &m.cov_of(i)));
         let spread = to.spread[0].last().copied().unwrap_or(0.0);
         excess.push(value.ln() - means[0] - 0.5 * (spread + cov.quadratic(slopes[0])));

@@ -1,12 +1,10 @@
 //! The open models and answers to queries.
 
 use crate::about::{ModelSummary, MomentSummary, SeriesSummary};
-use crate::answer::EngineResponse;
-use crate::field::FieldPlane;
 use crate::opened::LoadedModel;
-use crate::picture::{PlaneRenderer, UNLIT, bytes, check};
+use crate::picture::{FieldPlane, PlaneRenderer, UNLIT, bytes, check};
 use crate::probe;
-use crate::question::{EngineQuery, PlaneColours, PlaneStyle, QueryKind, SceneRequest};
+use crate::question::{EngineQuery, EngineResponse, PlaneColours, PlaneStyle, QueryKind, SceneRequest};
 use crate::strokes::strokes;
 use particlegs_core::camera::base_distance;
 use particlegs_core::codec::{self, Decoder, FrameEntry, SeriesDecoder, SeriesFile};
@@ -102,8 +100,10 @@ impl Engine {
     /// Answers a query: JSON followed by its numbers.
     pub fn ask(&mut self, question: &[u8]) -> EngineResponse {
         let mut json = serde_json::Deserializer::from_slice(question).into_iter();
+        // No bytes at all get the parser's own error.
         let parsed_query = json.next().unwrap_or_else(|| serde_json::from_slice(b""));
         let query = parsed_query.map_err(|e| Error::argument(format!("invalid query: {e}")));
+        // The numbers begin where the JSON ends; their length is not stated.
         let numbers = &question[json.byte_offset()..];
         EngineResponse::or_error(query.and_then(|q: EngineQuery| self.answer(q, numbers)))
     }

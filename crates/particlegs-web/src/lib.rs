@@ -5,11 +5,9 @@
 #![allow(missing_docs)]
 
 mod about;
-mod answer;
 mod clip;
 mod coarse;
 mod engine;
-mod field;
 mod opened;
 mod picture;
 mod probe;
@@ -19,5 +17,5 @@ mod strokes;
 #[cfg(target_arch = "wasm32")]
 mod exported;
 
-pub use answer::EngineResponse;
 pub use engine::Engine;
+pub use question::EngineResponse;

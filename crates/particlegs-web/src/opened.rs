@@ -94,6 +94,7 @@ impl LoadedModel {
                 Ok(share) if share < 1.0 => return Ok(share),
                 Ok(_) => {}
                 Err(error) => {
+                    // Later queries get the same error: what is left is never decoded.
                     self.opening = None;
                     self.whole = Err(error.to_string());
                     return Err(error);

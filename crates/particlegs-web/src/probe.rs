@@ -148,6 +148,7 @@ fn weights<'a>(model: &'a Model, shown: &'a dyn Fn(usize) -> bool, at: [f64; 3])
         let (mean, cov) = (p.m.mean_of(p.i), p.m.cov_of(p.i));
         let offset = each_axis(|k| at[k] - mean[k]);
         let square: f64 = offset.iter().map(|v| v * v).sum();
+        // There the density is below exp(-30) of its peak in any direction, as no variance is above the trace.
         if square > 60.0 * cov.trace() {
             return None;
         }

@@ -1,7 +1,7 @@
 //! The strokes that the GPU adds up: the same as in the CPU renderer, sorted by plane
 //! ([`particlegs_core::render::bin::place`]).
 
-use crate::answer::EngineResponse;
+use crate::question::EngineResponse;
 use particlegs_core::Result;
 use particlegs_core::model::{Mixture, Model};
 use particlegs_core::picture::Size;

@@ -105,6 +105,7 @@ impl Model {
         if !options.layers.is_empty() && options.layers != ["all"] {
             model = model.only(&options.layers)?;
         }
+        // Gaussians that fade between two frames of a series stand for no particle.
         model.drop_empty();
         let notes = Notes::new(kind, &model, &name, &fields_named(kind, &model, &options.fields)?);
         let (gaussians, lost) = (model.gaussians(), notes.lost.clone());
@@ -149,6 +150,7 @@ impl Series {
             return Err(Error::argument("a series is exported as a page, and one of its frames as other files"));
         }
         let first = self.decoder().series().first()?;
+        // Decoding the first frame proves that the page can show it.
         let model = self.decoder().frame(first, context)?.clone().into_model();
         let name = self.file_name();
         let notes = Notes::new(kind, &model, &name, &[]);
@@ -206,6 +208,7 @@ impl ExportWork<'_> {
         let (radius, opacity) = (o.radius.unwrap_or(m.default_radius), o.opacity.unwrap_or(m.default_opacity));
         // Memory besides the model: colours, and for glTF its arrays.
         context.require_memory("splats", 40 * model.gaussians() as u64)?;
+        // Before the Gaussians are widened to splats: colours by density are those of the model.
         let coloring = Coloring::new(&model, o.color, o.colormap, o.range)?;
         let notes = &mut self.notes;
         notes.set("radius", radius);
@@ -231,6 +234,7 @@ impl ExportWork<'_> {
 
     fn grid(&mut self, model: &particlegs_core::model::Model) -> Result<ExportSummary> {
         let (out, context) = (self.out, self.context);
+        // An array has no room for notes, and standard output none for a second file.
         let beside = (self.kind == Kind::Npy && !is_stream(out)?).then(|| out.with_extension("json"));
         if let Some(beside) = &beside {
             self.outputs.writes(beside, &Kind::description(), context)?;

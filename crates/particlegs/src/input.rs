@@ -58,6 +58,7 @@ impl FrameChoice {
     /// The number of the frame; of a moment the last.
     pub fn number(&self, series: &SeriesFile<'_>, place: &str, context: &Context<'_>) -> Result<usize> {
         let (number, count) = (if let FrameChoice::Number(n) = self { *n } else { -1 }, series.frames.len());
+        // The last frame may be missing: -1 then means the one before, but -2 is counted as it is.
         let chosen = if number == -1 {
             series.last()?
         } else {
@@ -66,6 +67,7 @@ impl FrameChoice {
                 Error::input(place, format!("there is no frame {number}; the series has {count} frames, from 0"))
             })?
         };
+        // An error where this frame is missing.
         series.frame_bytes(chosen)?;
         let gap = if number == -1 && chosen + 1 < count { "; the frames behind it are missing" } else { "" };
         if *self == FrameChoice::Last || !gap.is_empty() {
@@ -110,6 +112,7 @@ impl ModelOrSnapshot {
             let bytes = model_file::read_source(source, &name_of(path))?;
             return Ok(ModelOrSnapshot::Model(frame_of(bytes, &choice.frame.into(), &name_of(path), context)?));
         }
+        // A pipe gives its data once: what was looked at is kept with the rest.
         if is_stream(path) {
             choice.spool(source)?;
         }
@@ -188,6 +191,7 @@ pub fn read_file(path: &Path, context: &Context<'_>) -> Result<Vec<u8>> {
         return Err(no_model(path));
     }
     let mut source = Source::open(path, context)?;
+    // A snapshot or a picture is called by its name; of other bytes the codec says what is wrong.
     if !codec::is_model(source.peek(HEAD)?) && PathKind::from_path(path).describe().is_some() {
         return Err(no_model(path));
     }

@@ -32,6 +32,7 @@ impl Job {
         context: &Context<'_>,
     ) -> Result<Job> {
         let mut options = options.clone();
+        // What was read is part of the recipe, by which models are told apart.
         options.read.extend(snapshot.options());
         options.check()?;
         let files = snapshot.files()?.for_tasks()?;
@@ -64,6 +65,7 @@ impl Job {
         let invalid = |reason: String| Error::input(&folder.join("plan.json"), format!("names no snapshot: {reason}"));
         let snapshot: SnapshotFiles =
             serde_json::from_value(job.snapshot().clone()).map_err(|e| invalid(e.to_string()))?;
+        // serde checks the form of plan.json, but no ranges.
         if let Some(Err(error)) = snapshot.choice.selection.map(particlegs_particles::Selection::check) {
             return Err(invalid(error.to_string()));
         }
@@ -139,6 +141,7 @@ impl Job {
         // Missing blocks are reported before the snapshot is read.
         self.job.check_done()?;
         let particles = match level {
+            // Blocks were measured one by one when they were fitted.
             CertificateLevel::None | CertificateLevel::Blocks => None,
             _ => Some(self.snapshot.read(&Storage::Memory, self.job.has_fields(), &context.without_notes())?),
         };

@@ -34,13 +34,10 @@
 
 mod evaluate;
 mod export;
-mod halo_files;
 pub mod input;
 pub mod job;
-mod merge;
 mod model;
 mod particle_files;
-mod picture;
 pub mod pictures;
 mod run;
 mod series;
@@ -126,7 +123,7 @@ pub mod stats {
 /// # Ok::<(), particlegs::Error>(())
 /// ```
 pub mod haloes {
-    pub use crate::halo_files::HaloFiles;
+    pub use crate::particle_files::HaloFiles;
     pub use particlegs_measure::haloes::{
         HaloCatalogue, HaloColumn, HaloMatch, HaloOptions, HaloReport, MassFunctionBin, find_haloes,
     };
@@ -186,8 +183,7 @@ pub mod training {
 }
 
 pub use export::{ExportOptions, ExportResult, plan_export};
-pub use merge::{merge, merge_files};
-pub use model::{CompressOptions, Model, compress};
+pub use model::{CompressOptions, Model, compress, merge, merge_files};
 pub use particle_files::{ParticleFile, plan_recovery};
 pub use particlegs_compress::verify::{SeriesVerification, StatedFigure, Verification};
 pub use particlegs_core::context::{Context, Level, ProgressEvent, ProgressSink};
@@ -202,7 +198,7 @@ pub use particlegs_fit::recover::{Method as RecoverMethod, Options as RecoverOpt
 pub use particlegs_formats::{Choice, Description, Species, SpeciesField, SpeciesMass, Weights};
 pub use particlegs_measure::score::{Assessment, Evaluation, Grade, UseCase};
 pub use particlegs_particles::{Particles, RawForm, Selection, Storage};
-pub use picture::SavePng;
+pub use pictures::SavePng;
 pub use run::{ModelOutput, RunOptions, compress_into};
 pub use series::{
     FrameDescription, FrameRange, FrameResult, Series, SeriesDescription, SeriesOptions, SeriesResult, make_series,

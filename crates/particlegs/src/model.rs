@@ -1,4 +1,5 @@
-//! A model as a user holds it: its file's bytes, and what they decode to.
+//! A model as a user holds it: its file's bytes, and what they decode to; compressed from a snapshot, or merged from
+//! others.
 
 use crate::camera::{DensityView, View, base_distance, spherical_camera};
 use crate::input::{FrameChoice, ModelOrSeries};
@@ -8,17 +9,19 @@ use crate::{Context, Density, Gray8, Particles, Plane, RecoverOptions, Result, S
 use particlegs_compress::Compression;
 use particlegs_compress::verify::StoredModel;
 use particlegs_core::checkpoint::NoCheckpoints;
-use particlegs_core::codec::FileInfo;
-use particlegs_core::model::{Recipe, RecipeStep, Target};
+use particlegs_core::codec::{FileInfo, Merge};
+use particlegs_core::model::{LawKind, Recipe, RecipeStep, Target};
 use particlegs_core::render::{FieldQuery, Scene};
 use particlegs_core::{codec, model, render};
 use particlegs_export::Cells;
+use particlegs_files::input::name_of;
 use particlegs_files::model_file;
 use particlegs_files::output::{Outputs, write_bytes};
 use particlegs_measure::score::Assessment;
 use particlegs_pictures::{PictureSource, ViewOptions, ViewSubject};
+use std::borrow::Cow;
 use std::fmt::{Debug, Formatter};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 pub use particlegs_compress::Options as CompressOptions;
 
@@ -110,6 +113,7 @@ impl Model {
     /// The model of a frame of a series, with the certificate that the series has for it.
     pub(crate) fn of_frame(bytes: Vec<u8>, name: String, frame: SeriesFrame, context: &Context<'_>) -> Result<Model> {
         let mut model = Model::decode(bytes, &name, context)?;
+        // A frame that is coded anew comes without one.
         model.decoded.certificate = frame.lock().series().certificate(frame.number)?;
         Ok(Model { frame: Some(frame), ..model })
     }
@@ -304,4 +308,51 @@ impl Model {
     pub fn decoded(&self) -> &model::Model {
         &self.decoded
     }
+}
+
+/// Merges models, which keep all fields that each of them has, or those of these names.
+///
+/// # Errors
+/// [`crate::Error::Input`] for models that do not belong together; [`crate::Error::Cancelled`].
+pub fn merge(parts: &[&Model], fields: Option<Vec<String>>, context: &Context<'_>) -> Result<Model> {
+    let name = parts.first().map_or("merged", |part| part.name());
+    let bytes = merge_parts(parts.iter().map(|part| Ok((part.bytes().into(), part.name().into()))), fields, context)?;
+    Model::decode(bytes, name, context)
+}
+
+/// Merges model files, one after the other read and not decoded, to the bytes of one.
+///
+/// # Errors
+/// As [`merge`]; those of reading.
+pub fn merge_files(parts: &[PathBuf], fields: Option<Vec<String>>, context: &Context<'_>) -> Result<Vec<u8>> {
+    let read =
+        |path: &PathBuf| Ok((crate::input::read_model(path, &Default::default(), context)?.into(), name_of(path)));
+    merge_parts(parts.iter().map(read), fields, context)
+}
+
+fn merge_parts<'a>(
+    parts: impl ExactSizeIterator<Item = Result<(Cow<'a, [u8]>, String)>>,
+    fields: Option<Vec<String>>,
+    context: &Context<'_>,
+) -> Result<Vec<u8>> {
+    let (mut merge, count) = (fields.map_or_else(Merge::default, Merge::with_fields), parts.len());
+    context.begin("merging", count as u64);
+    for part in parts {
+        context.check()?;
+        let (bytes, name) = part?;
+        merge.add(&bytes, &name, context)?;
+        context.advance(1);
+    }
+    context.end();
+    let bytes = merge.finish()?;
+    let info = codec::read_info(&bytes, "the merged model")?;
+    if info.metadata.law == LawKind::AlphaBlend && count > 1 {
+        context.note(match info.vizmapper {
+            Some(_) => {
+                "the VizMapper is that of the part with the first block, as published; it was trained on that part only"
+            }
+            None => "the part with the first block has no VizMapper, so the merged file has none",
+        });
+    }
+    Ok(bytes)
 }

@@ -1,12 +1,15 @@
-//! Particles as files: drawn from a model, or converted.
+//! Particles as files, drawn from a model or converted; and haloes as files.
 
 use crate::{Context, Error, Model, Particles, RecoverOptions, Result, Snapshot, Storage};
 use particlegs_core::codec;
-use particlegs_files::output::{Outputs, kinds::PARTICLES};
+use particlegs_figure::FileKind;
+use particlegs_files::output::kinds::{CSV, HDF5, PARTICLES, PDF, PNG, SVG};
+use particlegs_files::output::{Outputs, ending};
 use particlegs_fit::recover::{drawn_fields, recover};
-use particlegs_formats::{Writer, write_splats};
+use particlegs_formats::{Writer, is_hdf5, write_haloes, write_splats};
+use particlegs_measure::haloes::HaloReport;
 use particlegs_particles::{RawForm, SelectedParticles, Selection, Tiling};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Particles that were written to a file or folder.
 #[derive(Clone, Copy, Debug)]
@@ -43,6 +46,7 @@ pub fn plan_recovery(out: &Path, options: &RecoverOptions, outputs: &Outputs, co
         let message = "the form is that of a folder: a file's extension selects its format";
         return if options.form == RawForm::Columns { Ok(()) } else { Err(Error::argument(message)) };
     }
+    // An earlier run may have drawn fields, whose files go with the others.
     let drawn = drawn_fields(out);
     let files: Vec<&str> = RawForm::FOLDER_FILES.into_iter().chain(drawn.iter().map(String::as_str)).collect();
     outputs.writes_folder(out, &files).map(drop)
@@ -75,6 +79,7 @@ impl Model {
             }
         }
         let particles = options.total(&model);
+        // A folder may be larger than memory, so its notes and lengths are compared; a file is compared byte by byte.
         if is_kept && writer.folder && !options.is_there(out, &model, hash)? {
             return Err(outputs.refused(out));
         }
@@ -132,6 +137,7 @@ impl Snapshot {
         if writer.folder {
             outputs.writes_folder(out, &RawForm::FOLDER_FILES)?;
         }
+        // Copies come before the selection, so all particles are read.
         let (whole, selection) = self.clone().without_selection();
         let (particles, fields) = whole.read(whole.has_fields(), &Storage::Memory, context)?;
         let tiling = copies.map_or(Ok(Tiling::single()), |copies| Tiling::new(copies, &particles))?;
@@ -163,4 +169,42 @@ fn write(
         context.note(&left_out);
     }
     outputs.write_file(out, |out| writer.write(selected, out, context), context)
+}
+
+/// Files that haloes are written to.
+#[derive(Clone, Copy, Debug)]
+pub struct HaloFiles<'a> {
+    /// The catalogue: `NAME.csv` or `NAME.hdf5`.
+    pub catalogue: &'a Path,
+    /// Mass functions: tables `NAME.csv`, plots `NAME.png`, `.svg` or `.pdf`.
+    pub mass_functions: &'a [PathBuf],
+}
+
+impl HaloFiles<'_> {
+    /// Declares the files before the work.
+    ///
+    /// # Errors
+    /// [`Error::Output`] for an ending that means another type of file, and a file that is kept.
+    pub fn declare(&self, outputs: &Outputs, context: &Context<'_>) -> Result<()> {
+        outputs.writes(self.catalogue, if is_hdf5(self.catalogue)? { &HDF5 } else { &CSV }, context)?;
+        self.mass_functions.iter().try_for_each(|path| {
+            ending(path, &["csv", "png", "svg", "pdf"])?;
+            let kind = match FileKind::from_path(path) {
+                Some(FileKind::Png) => &PNG,
+                Some(FileKind::Svg) => &SVG,
+                Some(FileKind::Pdf) => &PDF,
+                None => &CSV,
+            };
+            outputs.writes(path, kind, context).map(drop)
+        })
+    }
+
+    /// Writes them, each whole or not at all.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a plot without a halo that has a mass; [`Error::Io`].
+    pub fn write(&self, report: &HaloReport) -> Result<()> {
+        write_haloes(&report.catalogue, self.catalogue)?;
+        self.mass_functions.iter().try_for_each(|path| report.write_mass_function(path))
+    }
 }

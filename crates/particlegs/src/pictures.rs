@@ -29,7 +29,12 @@
 //! # Ok::<(), particlegs::Error>(())
 //! ```
 
-use crate::{Context, Model, Result, Snapshot, Storage};
+use crate::{Context, Gray8, Model, Plane, Result, Snapshot, Storage};
+use particlegs_core::picture::Rgb8;
+use particlegs_figure::FigureImage;
+use particlegs_figure::png_file::{PngMetadata, coded};
+use particlegs_files::output::write_bytes;
+use particlegs_files::png::write_png;
 use particlegs_pictures::certificate;
 use std::path::{Path, PathBuf};
 
@@ -73,4 +78,33 @@ pub fn certificate_pictures(
 ) -> Result<Vec<PathBuf>> {
     certificate::declare(folder.as_ref(), outputs, context)?;
     certificate::write(folder.as_ref(), model.decoded(), &snapshot.particles(context)?, context)
+}
+
+/// Writes a picture as PNG, whole or not at all.
+pub trait SavePng {
+    /// Writes it to `path`.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`].
+    fn save_png(&self, path: impl AsRef<Path>) -> Result<()>;
+}
+
+impl SavePng for Gray8 {
+    fn save_png(&self, path: impl AsRef<Path>) -> Result<()> {
+        write_png(path.as_ref(), self.size, &self.data)
+    }
+}
+
+impl SavePng for Rgb8 {
+    fn save_png(&self, path: impl AsRef<Path>) -> Result<()> {
+        let image = FigureImage::Color(self.clone());
+        write_bytes(path.as_ref(), &coded(&image, &PngMetadata::default())?)
+    }
+}
+
+/// A density in the default colours; [`Plane::colored`] has others.
+impl SavePng for Plane {
+    fn save_png(&self, path: impl AsRef<Path>) -> Result<()> {
+        self.colored(Colormap::default(), None).save_png(path)
+    }
 }

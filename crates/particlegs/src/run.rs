@@ -110,6 +110,7 @@ impl RunOptions {
     ) -> Result<CompressedModel> {
         let done = self.work(checkpoint.as_mut(), context, work)?;
         done.notes.iter().for_each(|note| context.note(note));
+        // A run that was stopped has given its best model so far, which is written although it was cancelled.
         if !done.stopped {
             context.check()?;
         }
@@ -119,6 +120,7 @@ impl RunOptions {
             context.message(&format!("stopped: {} {message}", out.display()));
             return Err(Error::Cancelled);
         }
+        // Not before the model is written: should that fail, the run can be continued.
         checkpoint.map_or(Ok(()), Checkpoint::remove)?;
         Ok(done)
     }
@@ -194,6 +196,7 @@ pub fn compress_into(
     if let Some(folder) = &run.scratch {
         output::check_writable(&folder.join("scratch"))?;
     }
+    // The recipe is compared before the particles are read, which may take long; their hash is compared below.
     if is_kept && !options.ask_for(&codec::read_metadata(&existing(out, context)?, &out.display().to_string())?) {
         return Err(outputs.refused(out));
     }

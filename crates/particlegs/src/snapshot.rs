@@ -79,6 +79,7 @@ impl Snapshot {
         if let Some(pipe) = paths.iter().find(|p| is_stream(p)) {
             return Err(Error::argument(format!("{}: a pipe can only be read once; name a file", pipe.display())));
         }
+        // What is no snapshot is refused here rather than at the first use.
         choice.describe(paths, false, &Context::default())?;
         Ok(Snapshot { source: SnapshotSource::Files(paths.to_vec()), choice })
     }

@@ -26,6 +26,7 @@ impl ProgressSink for LoggedProgress<'_> {
         let mut file = self.file.lock().unwrap_or_else(|e| e.into_inner());
         if let Some(Err(error)) = file.as_mut().map(|f| writeln!(f, "{line}")) {
             self.context.warn(&format!("{}: {error}; nothing more is logged", self.path.display()));
+            // One warning is enough; the training goes on without its log.
             *file = None;
         }
     }

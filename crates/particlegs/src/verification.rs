@@ -108,6 +108,7 @@ impl Series {
             let metadata = decoder.frame(frame, context)?.metadata.clone();
             let snapshot = snapshot.clone().with_frame(frame_of_snapshot(&metadata, self.name(), context));
             let (particles, fields) = snapshot.read(!metadata.fields.is_empty(), &Storage::Memory, context)?;
+            // The hash of the particles tells the frame; where none has it, the last is compared and differs.
             if number.is_none() {
                 frame = series.frame_of(&particles).unwrap_or(frame);
                 context.note(&format!(

@@ -2,12 +2,11 @@
 
 use crate::common::{CommandContext, Common};
 use crate::device::DeviceArgs;
-use crate::fit_args::{FitArgs, LATER, number_of_blocks};
+use crate::fit_args::{FitArgs, HEADING, LATER, number_of_blocks, parse_bytes};
 use crate::info_model;
 use crate::outputs::ForceArgs;
-use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::ParticleArgs;
-use crate::target_args::{HEADING, parse_bytes};
+use crate::train_args::{self, RunArgs};
 use clap::{Args, ValueHint};
 use particlegs::{RunOptions, Snapshot, compress_into};
 use particlegs_compress::{CompressedModel, SharingPolicy, Target};
@@ -122,6 +121,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let start = Instant::now();
     let device = a.device.trainer(options.training.is_some())?;
     let run = RunOptions { scratch: a.scratch.clone(), device, ..a.run.options(a.force.force) };
+    // Only training has a checkpoint to write.
     if options.training.is_some() {
         context.finishes_its_steps();
     }
@@ -178,7 +178,7 @@ fn report(a: &Arguments, context: &CommandContext, compressed_model: &Compressed
         compressed_model.model.metadata.count,
         info.describe_ratio(),
     );
-    text += &run_args::trained(compressed_model);
+    text += &train_args::trained(compressed_model);
     if !a.fit.fields.is_empty() {
         text += &info.describe_fields().iter().map(|line| format!("\n  {line}")).collect::<String>();
     }
@@ -191,7 +191,7 @@ fn report(a: &Arguments, context: &CommandContext, compressed_model: &Compressed
     let Model { certificate, metadata, layers } = &compressed_model.model;
     let (words, verdict) = info_model::describe_new_model(certificate.as_ref(), metadata, layers, a.output(), context);
     text += &words;
-    let mut report = run_args::report(a.output(), compressed_model, &verdict, seconds);
+    let mut report = train_args::report(a.output(), compressed_model, &verdict, seconds);
     report["particles"] = metadata.count.into();
     report["bytes_per_gaussian"] = (bytes as f64 / gaussians as f64).into();
     report["goal"] = json!(compressed_model.reached);

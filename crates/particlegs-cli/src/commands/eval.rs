@@ -77,6 +77,7 @@ pub fn run(mut a: Arguments) -> Result<()> {
     let (layers, device) = (&a.particles.opening.particle_type, a.device.open()?);
     let report = model.evaluate(layers, &snapshot, views, device.as_deref(), &context)?;
     if let Some(folder) = &a.pictures {
+        // The pictures show the layers that were scored.
         let model = model.decoded().clone().only_named(&a.particles.opening.particle_type)?;
         let units = model.metadata.unit_system();
         let particles = snapshot.particles(&context)?.in_units(&units, &Storage::Memory, &context)?;

@@ -1,10 +1,10 @@
 //! `particlegs export MODEL -o OUT`.
 
 use crate::common::{CommandContext, Common, named};
-use crate::density_args::range_of;
 use crate::inputs::FrameArgs;
 use crate::outputs::ForceArgs;
 use crate::page_args::{AppearanceArgs, PageArgs};
+use crate::picture_args::range_of;
 use clap::{Args, ValueHint};
 use particlegs::input::ModelOrSeries;
 use particlegs::{ExportOptions, Model, plan_export};
@@ -130,6 +130,7 @@ pub fn run(a: Arguments) -> Result<()> {
         return Err(Error::argument_with(message, "extract the frame first, or leave out --link"));
     }
     let paged = kind.group() == Group::Page;
+    // A page can play a whole series; all other files hold one moment of it.
     let content = match paged && !a.series.is_given() {
         true => ModelOrSeries::open(&a.model, &context)?,
         false => ModelOrSeries::Model(Model::open_frame(&a.model, &a.series.choice(), &context)?.into()),

@@ -2,13 +2,12 @@
 
 use crate::common::{CommandContext, Common, named};
 use crate::device::DeviceArgs;
+use crate::fit_args::{TargetArgs, parse_bytes, with_default};
 use crate::info_model;
 use crate::inputs::FrameChoice;
 use crate::outputs::ForceArgs;
-use crate::run_args::{self, RunArgs};
 use crate::snapshot_args::ParticleArgs;
-use crate::target_args::{TargetArgs, parse_bytes, with_default};
-use crate::train_args::TuneArgs;
+use crate::train_args::{self, RunArgs, TuneArgs};
 use clap::{Args, ValueHint};
 use particlegs::{Model, RunOptions, Snapshot};
 use particlegs_compress::{CompressedModel, FineTuning};
@@ -71,6 +70,7 @@ pub fn run(a: Arguments) -> Result<()> {
     if let Some(text) = a.tune.printed(Config::fine_tuning(), LAW)? {
         return crate::report::line(text.trim_end());
     }
+    // clap requires both unless the configuration is printed, which has returned by now.
     let none = Path::new("");
     let (path, out) = (a.model.as_deref().unwrap_or(none), a.output.as_deref().unwrap_or(none));
     let start = Instant::now();
@@ -108,12 +108,12 @@ fn report(
         "{}: {gaussians_in} -> {gaussians} Gaussians, {bytes_in} -> {bytes} bytes, ratio {ratio:.1}, in {seconds:.2} s",
         out.display()
     );
-    text += &run_args::trained(new_model);
+    text += &train_args::trained(new_model);
     let certificate = new_model.model.certificate.as_ref();
     let (words, verdict) =
         info_model::describe_new_model(certificate, &new_model.model.metadata, &new_model.model.layers, out, context);
     text += &words;
-    let mut report = run_args::report(out, new_model, &verdict, seconds);
+    let mut report = train_args::report(out, new_model, &verdict, seconds);
     report["gaussians_in"] = gaussians_in.into();
     report["model_bytes_in"] = bytes_in.into();
     context.finish(&text, &report)

@@ -1,12 +1,13 @@
-//! `particlegs info FILE`: a model file, or a snapshot in any format.
+//! `particlegs info FILE`: a model file, a series, or a snapshot in any format.
 
-use crate::common::Common;
+use crate::common::{CommandContext, Common};
 use crate::inputs::{self, ModelOrSnapshot};
 use crate::snapshot_args::SnapshotArgs;
-use crate::{info_model, info_series, info_snapshot};
+use crate::{info_model, info_snapshot};
 use clap::Args;
-use particlegs::Series;
+use particlegs::{FrameDescription, Series};
 use particlegs_core::Result;
+use std::fmt::Write;
 use std::path::PathBuf;
 
 #[derive(Args)]
@@ -40,7 +41,7 @@ pub fn run(a: Arguments) -> Result<()> {
     match &a.input[..] {
         [one] if a.snapshot.frame.is_none() && inputs::is_series(one) => {
             let series = Series::open(one)?;
-            if a.csv { context.line(&series.table(&context)?.text()) } else { info_series::print(&context, &series) }
+            if a.csv { context.line(&series.table(&context)?.text()) } else { print(&context, &series) }
         }
         [one] if inputs::is_series(one) => {
             let info = Series::open(one)?.frame_info(&a.snapshot.frame.into(), &context)?;
@@ -52,4 +53,24 @@ pub fn run(a: Arguments) -> Result<()> {
         },
         paths => info_snapshot::print(&context, paths, &a.snapshot.choice()?, !a.no_bounds),
     }
+}
+
+/// A line for each frame: its number, what the clock shows, what it is, its bytes and its score.
+fn print(context: &CommandContext, series: &Series) -> Result<()> {
+    let description = series.describe()?;
+    let keyframes =
+        description.frames.iter().filter(|f| matches!(f, FrameDescription::There { kind: "keyframe", .. })).count();
+    let (frames, bytes, clock) = (description.frames.len(), description.series_bytes, description.clock);
+    let mut text = format!("series of {frames} frames, {keyframes} of them keyframes, {bytes} bytes");
+    let _ = write!(text, "\n{:>6} {clock:>13} {:>9} {:>9} {:>9}", "frame", "kind", "bytes", "PSNR, dB");
+    for frame in &description.frames {
+        let _ = match frame {
+            FrameDescription::Missing { frame, kind } => write!(text, "\n{frame:>6} {:>13} {kind:>9}", ""),
+            FrameDescription::There { frame, kind, time, bytes, masked_psnr } => {
+                let psnr = masked_psnr.map_or(String::new(), |v| format!("{v:.2}"));
+                write!(text, "\n{frame:>6} {time:>13.6} {kind:>9} {bytes:>9} {psnr:>9}")
+            }
+        };
+    }
+    context.finish(&text, &description)
 }

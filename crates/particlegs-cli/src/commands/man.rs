@@ -42,6 +42,7 @@ fn page(command: clap::Command, path: &Path, outputs: &Outputs) -> Result<()> {
     let mut page = Vec::new();
     let source = concat!("particlegs ", env!("CARGO_PKG_VERSION"));
     Man::new(command).source(source).render(&mut page).map_err(|e| Error::io(path, e))?;
+    // clap_mangen gives the examples behind the options this unusual heading.
     let page = String::from_utf8_lossy(&page).replace(".SH EXTRA", ".SH NOTES");
     output::write_bytes(path, page.as_bytes())
 }

@@ -2,9 +2,8 @@
 
 use crate::common::{CommandContext, Common, named};
 use crate::info_model;
-
 use crate::outputs::ForceArgs;
-use crate::text_wrap::counted;
+use crate::report::counted;
 use clap::{Args, ValueHint};
 use particlegs::job::Job;
 use particlegs::merge_files;
@@ -61,6 +60,7 @@ pub fn run(a: Arguments) -> Result<()> {
                 names => Some(names.to_vec()),
             };
             let bytes = merge_files(parts, fields, &context)?;
+            // The last moment to stop, before anything is written.
             context.check()?;
             context.outputs.write_model(&a.output, &bytes, &context)?;
             (bytes, parts.len())

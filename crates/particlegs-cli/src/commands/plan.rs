@@ -2,10 +2,9 @@
 
 use crate::common::Common;
 use crate::emit::{self, JobEngine};
-use crate::fit_args::{FitArgs, number_of_blocks};
+use crate::fit_args::{FitArgs, number_of_blocks, parse_bytes};
 use crate::outputs::ForceArgs;
 use crate::snapshot_args::ParticleArgs;
-use crate::target_args::parse_bytes;
 use clap::{Args, ValueHint};
 use particlegs::Snapshot;
 use particlegs::job::Job;

@@ -1,14 +1,10 @@
 //! `particlegs reference IN... --style S --out DIR`.
 
+use crate::commands::render::pictures_text;
 use crate::common::{Common, named};
-use crate::density_args::DensityArgs;
 use crate::device::DeviceArgs;
-use crate::field_args::FieldArgs;
-use crate::figure_args::FigureArgs;
-use crate::picture_table::pictures_text;
-use crate::sequence_args::SequenceArgs;
+use crate::picture_args::{DensityArgs, FieldArgs, FigureArgs, SequenceArgs, ViewArgs};
 use crate::snapshot_args::{ParticleArgs, SelectionArgs, SnapshotArgs};
-use crate::view_args::ViewArgs;
 use clap::{Args, ValueHint};
 use particlegs::Snapshot;
 use particlegs::pictures::{PictureOptions, PictureStyle, render_snapshot};

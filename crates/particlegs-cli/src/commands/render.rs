@@ -1,19 +1,15 @@
 //! `particlegs render MODEL... --style S -o OUT`.
 
 use crate::common::{Common, NamedChoice, one_of};
-use crate::density_args::DensityArgs;
 use crate::device::DeviceArgs;
-use crate::field_args::FieldArgs;
-use crate::figure_args::FigureArgs;
 use crate::inputs::{self, FrameArgs};
-use crate::picture_table::pictures_text;
-use crate::sequence_args::SequenceArgs;
-use crate::view_args::ViewArgs;
+use crate::picture_args::{DensityArgs, FieldArgs, FigureArgs, SequenceArgs, ViewArgs};
 use clap::{Args, ValueHint};
 use particlegs::input::DecodedModel;
 use particlegs_core::{Error, Result};
+use particlegs_figure::number;
 use particlegs_pictures::{
-    HaloNumber, PictureOptions, PictureSource, PictureStyle, RenderOptions, render_models, render_series,
+    HaloNumber, PictureOptions, PictureReport, PictureSource, PictureStyle, RenderOptions, render_models, render_series,
 };
 use std::path::PathBuf;
 
@@ -139,6 +135,7 @@ impl Arguments {
                 colormap: self.density.colormap,
                 range: self.density.range()?,
                 raw: self.density.raw,
+                // Only particles are smoothed; Gaussians are smooth.
                 smooth: None,
                 device: self.device.open()?,
             },
@@ -176,4 +173,29 @@ pub fn run(a: &Arguments) -> Result<()> {
         }
     };
     context.finish(&pictures_text(&report), &report)
+}
+
+/// Pictures as text: a row for each picture, or lines about a film or a figure of panels.
+pub fn pictures_text(report: &PictureReport) -> String {
+    let mut text = String::new();
+    if let (Some(neighbours), Some(seconds)) = (report.smooth, report.smooth_seconds) {
+        text = format!("{:<16} {seconds:>9.3}\n", format!("({neighbours} neighbours)"));
+    }
+    if !report.lines.is_empty() {
+        return text + &report.lines.join("\n");
+    }
+    let of_particles = report.views.iter().any(|v| v.radius_px.is_some());
+    text += &match of_particles {
+        true => format!("{:<16} {:>8} {:>9} {:>14}", "view", "r px", "seconds", "particles/s"),
+        false => format!("{:<16} {:>9}", "view", "seconds"),
+    };
+    for v in &report.views {
+        text += &match (v.radius_px, v.particles_per_second) {
+            (Some(radius), Some(rate)) => {
+                format!("\n{:<16} {radius:>8.3} {:>9.3} {:>14}", v.view.name, v.seconds, number(rate))
+            }
+            _ => format!("\n{:<16} {:>9.3}", v.view.name, v.seconds),
+        };
+    }
+    text
 }

@@ -31,6 +31,7 @@ pub fn run(a: Arguments) -> Result<()> {
         None => 0..all,
         Some(text) => {
             let number = task_number(text)?;
+            // The library refuses a chunk that there is not, also the largest number.
             number..number.saturating_add(1)
         }
     };

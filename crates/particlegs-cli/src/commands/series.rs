@@ -1,10 +1,9 @@
 //! `particlegs series SNAPSHOT... -o RUN.pgs`.
 
 use crate::common::Common;
-use crate::fit_args::{FitArgs, number_of_blocks};
+use crate::fit_args::{FitArgs, number_of_blocks, parse_bytes};
 use crate::outputs::ForceArgs;
 use crate::snapshot_args::ParticleArgs;
-use crate::target_args::parse_bytes;
 use clap::{Args, ValueHint};
 use particlegs::{CompressOptions, FrameRange, SeriesOptions, make_series};
 use particlegs_compress::series::{KEYFRAME_INTERVAL, SERIES_FILE};

@@ -1,9 +1,9 @@
 //! `particlegs simplify M.pgs -o M2.pgs --ratio R | --gaussians K`.
 
 use crate::common::Common;
+use crate::fit_args::TargetArgs;
 use crate::inputs::FrameArgs;
 use crate::outputs::ForceArgs;
-use crate::target_args::TargetArgs;
 use clap::{Args, ValueHint};
 use particlegs::Model;
 use particlegs_core::Result;

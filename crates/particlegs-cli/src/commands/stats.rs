@@ -171,6 +171,7 @@ pub fn run(a: Arguments) -> Result<()> {
     let Some(other) = &a.other else { return run_series(&a, options, &context) };
     let lists = a.measure.centres.iter().chain(&a.snapshot.topology);
     a.declare([&a.truth, other].into_iter().chain(lists), &context)?;
+    // The list is read before the particles, which may take long, so that a bad one is refused at once.
     let list = a.measure.centres.as_ref().map(|path| Ok((path, Catalogue::read(path, &context)?))).transpose()?;
     // A frame of a series stands beside the frame that it was made from.
     let mut beside = a.snapshot.clone();
@@ -243,6 +244,7 @@ fn options(a: &Arguments) -> Result<StatsOptions> {
         separations,
         pair_budget: a.measure.pairs,
         rdf_max: a.measure.rdf_max,
+        // clap has refused all other names.
         profile_axis: "xyz".find(&a.measure.profile_axis).unwrap_or(2),
         profile_bins: a.measure.profile_bins,
         halo_radius: a.measure.halo_radius,

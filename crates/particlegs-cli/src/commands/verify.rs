@@ -52,6 +52,7 @@ pub fn run(mut a: Arguments) -> Result<()> {
     }
     let content = ModelOrSeries::open(&a.model, &context)?;
     let frame = match content {
+        // --frame then names a frame of the series, not one of the snapshot.
         ModelOrSeries::Series(_) => a.particles.opening.frame.take(),
         ModelOrSeries::Model(_) => None,
     };
@@ -78,6 +79,7 @@ pub fn run(mut a: Arguments) -> Result<()> {
             all.frames
         );
     }
+    // All differences are printed before the command fails because of them.
     context.finish((of_series + &text(&verification)).trim_end(), &verification)?;
     verdict
 }

@@ -89,6 +89,7 @@ pub fn run(mut a: Arguments) -> Result<()> {
         a.models.iter().chain(&a.particles).chain(&a.snapshot.topology).chain(a.page.files()).map(PathBuf::as_path),
         false,
     )?;
+    // A port that is taken is reported before large models are read.
     let server = listen(&a, &context)?;
     let one_frame = !a.particles.is_empty() || a.snapshot.frame.is_some();
     let mut model_files = ModelFiles::read(&a.models, one_frame.then_some(&mut a.snapshot), &context)?;
@@ -196,8 +197,10 @@ fn announce(
 /// Starts a browser if there is a display.
 fn open(server: &Server, context: &CommandContext) -> Result<()> {
     let is_set = |name: &str| std::env::var_os(name).is_some_and(|v| !v.is_empty());
+    // On Windows and macOS no variable says whether there is a screen.
     let screen = !cfg!(all(unix, not(target_os = "macos")))
         || ["DISPLAY", "WAYLAND_DISPLAY", "WSL_DISTRO_NAME"].into_iter().any(is_set);
+    // Through SSH a browser would start on the wrong machine.
     if is_set("SSH_CONNECTION") || !screen {
         return Ok(());
     }

@@ -1,7 +1,6 @@
 //! Every command that reads a model, with a tiny untrained alpha-blend model of the sample.
 
-use crate::common::{TestFolder, listing};
-use crate::models::tiny;
+use crate::common::{TestFolder, listing, tiny};
 use particlegs_core::model::LawKind;
 use particlegs_particles::Particles;
 use serde_json::Value;

@@ -1,6 +1,8 @@
-//! Bad input: one clear line, a non-zero exit, no output file left.
+//! Bad input, and work that needs more memory than there is: one clear line, a non-zero exit, no output file left.
 
 use crate::common::{TestFolder, fails, snapshot, words};
+#[cfg(target_os = "linux")]
+use crate::common::{equal_gaussians, errors, limited, said};
 
 /// Runs `compress` on a folder of columns; it must fail and write nothing.
 fn refused(columns: &[Vec<f32>], code: i32, text: &str) {
@@ -77,4 +79,46 @@ fn a_full_disk_leaves_nothing() {
     c.args(words("compress SAMPLE --effort fast --ratio 60 --certificate=none -o"));
     fails(c.arg(dir.at("m.pgs")), 6, "m.pgs");
     assert_eq!(dir.listing(), [""; 0]);
+}
+
+/// A folder with a model of equal Gaussians.
+#[cfg(target_os = "linux")]
+fn folder(n: usize) -> TestFolder {
+    let dir = TestFolder::new();
+    dir.write("m.pgs", equal_gaussians(n));
+    dir
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn pictures_that_do_not_match_are_refused() {
+    let dir = folder(3);
+    for style in ["paraview", "density"] {
+        let out = limited(&dir, 1024, &format!("render m.pgs --out p --size 32768x32768 --style {style}"));
+        let text = said(&out);
+        assert_eq!(out.status.code(), Some(7), "{style}: {text}");
+        assert!(text.contains("needs about") && errors(&text) == 1, "{text}");
+    }
+}
+
+/// A small file may contain many Gaussians: their memory is checked before decoding.
+#[cfg(target_os = "linux")]
+#[test]
+#[ignore = "slow"]
+fn models_that_do_not_match_are_refused() {
+    let dir = folder(1_000_000);
+    let bytes = dir.bytes("m.pgs").len();
+    assert!(bytes < 1_000_000, "{bytes} bytes");
+    for arguments in [
+        "verify m.pgs",
+        "render m.pgs -o p --size 64x64",
+        "simplify m.pgs -o s.pgs --gaussians 9",
+        "merge m.pgs -o n.pgs",
+    ] {
+        let out = limited(&dir, 128, arguments);
+        let text = said(&out);
+        assert_eq!(out.status.code(), Some(7), "{arguments}: {text}");
+        assert!(text.contains("bytes of memory"), "{arguments}: {text}");
+    }
+    assert_eq!(limited(&dir, 2048, "verify m.pgs").status.code(), Some(0));
 }

@@ -1,8 +1,8 @@
 //! `devices` and `--device`.
 
-use crate::common::{TestFolder, said};
 #[cfg(feature = "gpu")]
-use crate::models::tiny;
+use crate::common::tiny;
+use crate::common::{TestFolder, said};
 #[cfg(feature = "gpu")]
 use particlegs_core::{codec, model::LawKind};
 

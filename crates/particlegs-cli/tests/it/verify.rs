@@ -245,7 +245,7 @@ fn frames_that_are_missing_take_little() {
     frames.resize(1 << 18, None);
     dir.write("gaps.pgs", codec::assemble_series(clock, &recipe, &frames).unwrap());
     for words in ["info gaps.pgs", "info gaps.pgs --csv", "info gaps.pgs --json -", "verify gaps.pgs"] {
-        let out = crate::memory::limited(&dir, 256, words);
+        let out = crate::common::limited(&dir, 256, words);
         assert_eq!(out.status.code(), Some(0), "{words}: {}", crate::common::said(&out));
     }
 }

@@ -57,6 +57,7 @@ impl JobFolder {
         if let Some(report) = self.report(block)?
             && self.block_path(block, "pgs").metadata().is_ok_and(|m| m.len() == report.bytes)
         {
+            // Lost sums cost another measurement, but no other fit.
             if !self.is_measured(block) {
                 let (particles, fields) = self.gather(block, source, context)?;
                 let file = model_file::read_file(&self.block_path(block, "pgs"), context)?;

@@ -36,6 +36,7 @@ impl JobFolder {
                 let quantity = &self.manifest.fields.quantities[*number];
                 let name = quantity.class().map_or(&quantity.name[..], |(category, _)| category);
                 let current_columns = source.fields.get(layer).map(|f| f.find(name, from.star_forming()));
+                // Class and width are the plan's choice; a source does not state them.
                 let same = |f: FieldColumns| FieldColumns { class: from.class, wide: from.wide, ..f } == *from;
                 if !current_columns.is_some_and(|f| f.is_ok_and(same)) {
                     return Err(self.changed(&format!("its field `{name}` is different")));

@@ -1,8 +1,8 @@
 //! A block's particles, from buckets or from the snapshot where it lies.
 
-use super::bucket::Buckets;
 use super::fields::FieldBits;
 use super::manifest::JobFolder;
+use super::scatter::Buckets;
 use particlegs_core::context::Context;
 use particlegs_core::model::Layer;
 use particlegs_core::{Error, Result};
@@ -156,6 +156,7 @@ impl<'a> BlockGatherer<'a> {
         let particle_columns = self.job.manifest.plan.layers[layer].mass.columns();
         let n = values.len() / self.job.columns(layer);
         let (values, fields) = values.split_at(particle_columns * n);
+        // Chunks of 0 values would panic where a run has no particle in the block.
         for (column, values) in self.fields[layer].iter_mut().zip(fields.chunks_exact(n.max(1))) {
             column.extend_from_slice(values);
         }

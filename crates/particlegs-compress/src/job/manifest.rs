@@ -74,6 +74,7 @@ impl Manifest {
         let checks = [
             (plan.tree.is_sound() && plan.tree.blocks() == plan.recipe().blocks, "its tree has other blocks"),
             (!plan.layers.is_empty() && plan.layers.iter().all(|l| l.content > 0), "a layer has no particles"),
+            // The format counts particles up to 2^53, which float64 holds exactly.
             (counts == Some(m.count) && m.count <= 1 << 53, "the layers do not add up to the number of particles"),
             (named && plan.layers.len() <= MOST_LAYERS, "there are too many layers, or a layer's name is wrong"),
             (plan.layers.iter().all(|l| l.mass.unit().is_none_or(positive)), "a mass is not positive"),

@@ -2,7 +2,7 @@
 //!
 //! [`JobFolder::plan`] passes over the snapshot once and writes a manifest: what is asked for, the cuts, the
 //! hash of every run of particles. Where runs lie scattered over the blocks, [`JobFolder::scatter`] copies
-//! chunks of the snapshot into buckets, one file a chunk (`bucket`), with the values of their fields (`fields`); where
+//! chunks of the snapshot into buckets, one file a chunk (`scatter`), with the values of their fields (`fields`); where
 //! they are together already, blocks read them where they are (`gather`). [`JobFolder::block`] fits a block and writes a
 //! model file of its own, with a checkpoint on the way, and where the plan says so what it measured of it (`sums`);
 //! [`JobFolder::merge`] puts the file together: the same bytes as [`crate::compress`] gives, whatever ran where and in what
@@ -11,11 +11,9 @@
 //! Every file appears whole or not at all, and names the plan that it belongs to.
 
 mod block;
-mod bucket;
 mod fields;
 mod gather;
 mod manifest;
-mod memory;
 mod merge;
 mod plan;
 mod runs;

@@ -1,7 +1,7 @@
 //! The state of a job, and checks of its files.
 
-use super::bucket::Buckets;
 use super::manifest::JobFolder;
+use super::scatter::Buckets;
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
 use particlegs_core::{Error, Result, codec};
@@ -109,6 +109,7 @@ impl JobFolder {
         let mut particles = 0u64;
         for coded in self.done_block(block)?.layers.iter().flat_map(|l| &l.content) {
             let decoded = codec::decode_block(&coded.bytes, &path.display().to_string())?;
+            // Cuts are those of float32 about the origin, so corners are rounded as the particles were.
             let corner = |c: [f64; 3]| each_axis(|k| (c[k] - self.manifest.origin[k]) as f32);
             let reached = self.manifest.plan.tree.blocks_in(corner(decoded.bounds.min), corner(decoded.bounds.max));
             if !reached.contains(&block) {

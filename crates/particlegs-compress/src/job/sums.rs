@@ -58,6 +58,7 @@ impl JobFolder {
                     _ => frame.measure(section, &model, particles, context),
                 };
                 let bytes = measured.map_err(|e| {
+                    // The writer takes errors of files alone: the true one waits beside it.
                     failed = Some(e);
                     std::io::Error::other("not measured")
                 })?;

@@ -62,6 +62,7 @@ impl FrameStore {
     pub fn frame(&self, number: usize) -> Option<CodedFrame> {
         let bytes = self.folder.as_ref()?.read(&name(number))?;
         let (hash, rest) = bytes.split_at_checked(HASH)?;
+        // A frame that was damaged, or stands under another number, is made again.
         if hash != self.hash(number, rest) {
             return None;
         }

@@ -282,6 +282,7 @@ fn differing_steps(pairs: &[[FieldOfBlock<'_>; 2]], extracted: bool) -> f64 {
             _ => steps,
         }
         .map(f64::from);
+        // Without a particle there is no standard error to measure by.
         for i in (0..stored_field.g.len()).filter(|&i| n_of[i] >= 1.0) {
             let [(a, own_trace), (b, trace)] = [stored_field, anew].map(|f| (f.moments, f.trace(i).max(1e-200)));
             let mut add = |kind: usize, off: f64| {

@@ -46,6 +46,7 @@ pub(super) fn side_by_side(
             let [stored, measured] = [0, 1].map(|side| groups[side].get(place));
             let [then, now] = [stored, measured].map(|e| e.map_or(MetricValue::None, |e| e.value));
             let Some(MetricEntry { row, metric, .. }) = stored.or(measured) else { continue };
+            // Numbers that neither has are not listed, nor those that a fuller measurement adds.
             if then == MetricValue::None && (now == MetricValue::None && has_group[0] == has_group[1] || completes) {
                 continue;
             }

@@ -1,22 +1,18 @@
-//! Verification of a file against its snapshot: decided here, reported by the command and by Python.
+//! Verification of a file or a series against its snapshot: decided here, reported by the command and by Python.
 
 mod fields;
 mod figures;
-mod series;
-mod source;
 
-use crate::{FieldSelection, certify, differences_from, measured_bytes};
+use crate::{FieldSelection, certify, differences_from, measured_bytes, source_difference};
 use fields::FieldComparison;
 pub use figures::StatedFigure;
-use particlegs_core::codec::{FrameCoding, SeriesDecoder, TrackedModel};
+use particlegs_core::codec::{FrameCoding, SeriesDecoder, SeriesFile, TrackedModel};
 use particlegs_core::context::Context;
-use particlegs_core::model::{Certificate, CertificateLevel, Model, Quantity};
+use particlegs_core::model::{Certificate, CertificateLevel, Epoch, Model, Quantity};
 use particlegs_core::{Error, Result, codec};
 use particlegs_files::model_file::is_of_several;
 use particlegs_measure::score::Assessment;
 use particlegs_particles::{LayerFields, Particles};
-pub use series::SeriesVerification;
-pub use source::check_source;
 
 /// A decoded model with facts about its file: of a file, or of a frame of a series.
 pub struct StoredModel {
@@ -99,6 +95,7 @@ impl StoredModel {
             return StoredModel::new(decoder.frame(frame, context)?.clone().into_model(), &bytes, &place);
         }
         let measured_bytes = decoder.series().measured_bytes(frame)?;
+        // Changes build on the last frame that is there, as frames may be missing.
         let earlier = decoder.series().frames[..frame].iter().rposition(|f| f.kind != FrameCoding::Missing);
         let earlier = decoder.frame(earlier.unwrap_or_default(), context)?.clone();
         let tracked_model = decoder.frame(frame, context)?.clone();
@@ -289,4 +286,73 @@ fn sums(model: &Model) -> (u64, f64) {
         };
     }
     (counts, (mass / model.metadata.mass - 1.0).abs())
+}
+
+/// Refuses particles that the model was not made from. The error names `snapshot` and the model's `place`.
+pub fn check_source(model: &Model, of_several: bool, particles: &Particles, snapshot: &str, place: &str) -> Result<()> {
+    let Some(why) = source_difference(particles, model, of_several) else { return Ok(()) };
+    Err(Error::input(snapshot, format!("it is not the snapshot that {place} was made from ({why})")))
+}
+
+/// Results of the verification of a series' frames.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct SeriesVerification {
+    /// Frames, with those that are missing.
+    pub frames: usize,
+    /// Of these, keyframes.
+    pub keyframes: usize,
+    /// Numbers of those that are there.
+    #[serde(skip)]
+    pub there: Vec<usize>,
+    /// Contradictions, a line each that begins with the number of the frame.
+    pub contradictions: Vec<String>,
+    /// Hash of the source of each of [`SeriesVerification::there`].
+    #[serde(skip)]
+    pub hashes: Vec<[u8; 32]>,
+    /// The moment of each.
+    #[serde(skip)]
+    epochs: Vec<Epoch>,
+}
+
+impl SeriesVerification {
+    /// Decodes every frame.
+    ///
+    /// # Errors
+    /// Those of [`SeriesFile::check`].
+    pub fn new(series: &SeriesFile<'_>, context: &Context<'_>) -> Result<SeriesVerification> {
+        let frames = series.frames.len();
+        let keyframes = series.frames.iter().filter(|f| f.kind == FrameCoding::Keyframe).count();
+        let (mut present_frames, mut hashes, mut epochs): (Vec<_>, Vec<_>, Vec<_>) = Default::default();
+        let mut contradictions = Vec::new();
+        series.check(context, |number, frame| {
+            present_frames.push(number);
+            hashes.push(frame.metadata.source_hash);
+            epochs.push(frame.metadata.epoch);
+            let of_certificate = frame.certificate.map(|c| figures::contradictions(&c, &frame.metadata));
+            let all = of_certificate.into_iter().flatten().chain(frame.lacking_fields());
+            contradictions.extend(all.map(|contradiction| format!("frame {number} of {frames}: {contradiction}")));
+            Ok(())
+        })?;
+        Ok(SeriesVerification { frames, keyframes, there: present_frames, contradictions, hashes, epochs })
+    }
+
+    /// The frame that was made of these particles; where several have their places, the one of their moment.
+    pub fn frame_of(&self, particles: &Particles) -> Option<usize> {
+        let hash = particles.source_hash();
+        let alike = || (0..self.there.len()).filter(|&i| self.hashes[i] == hash);
+        let of_moment = alike().find(|&i| self.epochs[i] == particles.meta.epoch);
+        of_moment.or_else(|| alike().next()).map(|i| self.there[i])
+    }
+
+    /// [`Error::Differs`], of the series at `place`, if a frame contradicts itself.
+    pub fn judge(&self, place: &str) -> Result<()> {
+        if self.contradictions.is_empty() {
+            return Ok(());
+        }
+        Err(Error::Differs {
+            place: place.into(),
+            what: format!("it contradicts itself: {}", self.contradictions.join("; ")),
+            hint: "the series was altered: do not trust it before you know how".into(),
+        })
+    }
 }

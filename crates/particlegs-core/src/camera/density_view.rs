@@ -77,6 +77,7 @@ impl DensityView {
         let half = [0.5 * height_world * size.width as f64 / size.height as f64, 0.5 * height_world];
         let images = match across(&cell, &frame) {
             Some(copies) if !Extent::new(bounds, Some(&cell)).is_in(&frame, half) => {
+                // Without a range, copies along the line of sight would count a particle more than once.
                 Images::All(if view.camera.clipping_range.is_some() { cell } else { copies })
             }
             _ => Images::Nearest(cell),
@@ -134,6 +135,7 @@ impl DensityView {
         // Edges and their lengths in pixels.
         let repeats = [0, 1].map(|d| {
             let edge = edges[d].map(|a| (a, norm(cell.vectors[a]) / pixel));
+            // A cell wider than the picture is not shown whole, and one of less than a pixel has no sides to fold.
             edge.filter(|(_, period)| (1.0..=sides[d] as f64 * (1.0 + 0.1 * ROOM)).contains(period))
         });
         if repeats == [None; 2] {
@@ -142,6 +144,7 @@ impl DensityView {
         let tails = tails(&cell);
         let room = |d: usize| {
             let Some((a, period)) = repeats[d] else { return sides[d] };
+            // Both sides get as many pixels, so that the picture's middle stays where it is.
             let half = 0.5 * (period * (1.0 + (RIPPLES * tails[a]).min(MOST_ROOM)) - sides[d] as f64);
             (sides[d] as i64 + 2 * half.ceil() as i64) as usize
         };
@@ -185,6 +188,7 @@ impl DensityView {
             let reach = margin * norm(row);
             let (first, last) = ((window[0] - data[1] - reach).ceil(), (window[1] - data[0] + reach).floor());
             copies *= (last - first + 1.0).max(0.0);
+            // Checked before the shifts are listed: a window far larger than the box would take any amount of memory.
             if copies.is_nan() || copies > MOST_COPIES {
                 return Err(Error::argument(format!("the window shows more than {MOST_COPIES} copies of the box")));
             }
@@ -204,6 +208,7 @@ fn shares(from: usize, to: usize, period: Option<f64>) -> Vec<(usize, usize, f32
         while start < end {
             let cell = (start / period + 0.5).floor();
             let at = start - cell * period + 0.5 * to as f64;
+            // At least a millionth of a pixel, so that rounding at an edge cannot stop the loop.
             let piece = ((cell + 0.5) * period - start).min(at.floor() + 1.0 - at).max(1e-6).min(end - start);
             shares.push((i, (at.max(0.0) as usize).min(to - 1), piece as f32));
             start += piece;
@@ -219,6 +224,7 @@ fn everything(bounds: &Bounds, from: [f64; 3]) -> f64 {
 
 fn window_corners(frame: &Frame, height: f64, size: Size, range: [f64; 2]) -> [[f64; 3]; 8] {
     let [x, y] = [0.5 * height * size.width as f64 / size.height as f64, 0.5 * height];
+    // The frame's third axis points backwards, so depths are negative in it.
     let window = Bounds { min: [-x, -y, -range[1]], max: [x, y, -range[0]] };
     let [right, up, back] = frame.axes;
     window.corners().map(|[x, y, z]| each_axis(|k| frame.position[k] + x * right[k] + y * up[k] + z * back[k]))

@@ -64,6 +64,7 @@ impl Extent {
 
     /// Whether a window holds all of it, and more.
     pub(super) fn is_in(&self, frame: &Frame, half: [f64; 2]) -> bool {
+        // `width` leaves ROOM: a tenth of that tells such a window from a smaller one, whatever the rounding.
         let room = [0, 1].map(|k| half[k] / self.halves(frame.axes[k])[0] - 1.0);
         room.iter().all(|r| *r > -0.1 * ROOM) && room.iter().any(|r| *r > 0.1 * ROOM)
     }
@@ -96,6 +97,7 @@ pub struct WindowContent<'a> {
 impl WindowContent<'_> {
     /// The distance from which a picture of these slopes of its edges shows them; not above 0 where they have no extent.
     pub fn distance(&self, slopes: [f64; 2]) -> f64 {
+        // A point that lies z towards the eye is seen from a distance that is z less.
         self.most(|[x, y, z]| z + (x.abs() / slopes[0]).max(y.abs() / slopes[1]) / FILLED)
     }
 

@@ -2,8 +2,6 @@
 
 mod density_view;
 mod extent;
-mod interpolate;
-mod normalisation;
 mod orbit;
 mod path;
 mod rotation;
@@ -11,7 +9,6 @@ mod view;
 
 pub use density_view::{DensityView, Images, Window};
 pub use extent::{CenteredCell, Extent, WindowContent};
-pub use normalisation::Normalisation;
-pub use orbit::{FOV_DEG, ORBITS, Orbit, base_distance, clipping_range, spherical_camera, spiral};
+pub use orbit::{FOV_DEG, Normalisation, ORBITS, Orbit, base_distance, clipping_range, spherical_camera, spiral};
 pub use path::{frame_digits, frame_number, path_through};
 pub use view::{Camera, CameraRecord, Frame, Projection, View, ViewSet};

@@ -1,4 +1,5 @@
-//! The published cameras: a spiral on spheres about the centre of the bounds (docs/law/cameras.md).
+//! The published cameras: a spiral on spheres about the centre of the bounds, and the frame that models are trained in
+//! (docs/law/cameras.md).
 
 use super::rotation::Rotation;
 use super::view::{Camera, CameraRecord, Projection};
@@ -54,6 +55,7 @@ pub fn spiral(center: [f64; 3], distance: f64, frames: usize, turn: Option<u64>)
     let [a, b, c] = turn.map_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], |s| Rotation::random(s).axes());
     (0..frames)
         .map(|i| {
+            // A single frame stands at the beginning of the spiral.
             let t = i as f64 / (frames.max(2) - 1) as f64;
             let y = 0.99 * (1.0 - 2.0 * t);
             let s = (1.0 - y * y).max(0.0).sqrt();
@@ -92,19 +94,40 @@ pub fn clipping_range(bounds: &Bounds, camera: &Camera) -> [f64; 2] {
         lo = lo.min(d);
         hi = hi.max(d);
     }
+    // VTK wants a tenth of the window's height between the planes, as flat data have no depth at all.
     let gap = 0.2 * libm::tan(0.5 * fov.to_radians()) * hi;
     if hi - lo < gap {
         let widen = 0.5 * (gap - hi + lo);
         hi += widen;
         lo -= widen;
     }
+    // What lies behind the camera must not pull the near plane back.
     lo = lo.max(0.0);
     let mut near = 0.99 * lo - 0.5 * (hi - lo);
     let far = 1.01 * hi + 0.5 * (hi - near);
     if near >= far {
         near = 0.01 * far;
     }
+    // VTK keeps this share, as its depth buffer could not tell nearer depths apart.
     [near.max(0.001 * far), far]
+}
+
+/// From the world to the frame that a model is trained in: `x_n = (x - centre) * scale` (docs/law/cameras.md, "The
+/// training frame").
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Normalisation {
+    /// Centre of the particles' bounds, world units.
+    pub center: [f64; 3],
+    /// 4 over the base distance of the published cameras, one over world units.
+    pub scale: f64,
+}
+
+impl Normalisation {
+    /// The frame of particles with these bounds.
+    pub fn new(bounds: &Bounds) -> Self {
+        let wide = Size { width: 16, height: 9 };
+        Normalisation { center: bounds.center(), scale: 4.0 / base_distance(bounds, wide) }
+    }
 }
 
 #[cfg(test)]

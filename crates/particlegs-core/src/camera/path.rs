@@ -1,7 +1,6 @@
 //! Views along a path through key frames, and round the vertical axis.
 
-use super::interpolate::at;
-use super::rotation::Rotation;
+use super::rotation::{Rotation, at};
 use super::view::{Camera, Projection, View};
 use crate::math::each_axis;
 use crate::{Error, Result};
@@ -20,6 +19,7 @@ pub fn path_through(keys: &[View], frames: usize) -> Result<Vec<View>> {
     }
     let rotations = keys.iter().map(|v| Ok(Rotation::from_frame(&v.camera.frame()?))).collect::<Result<Vec<_>>>()?;
     let numbers: Vec<[f64; 9]> = keys.iter().map(numbers).collect();
+    // A key without a range has VTK's own, of which no numbers are known: then all frames have that.
     let bounded = keys.iter().all(|v| v.camera.clipping_range.is_some());
     let pieces = keys.len() - 1;
     Ok((0..frames)
@@ -66,6 +66,7 @@ impl View {
             },
             clipping_range: bounded.then_some([near, far]),
         };
+        // Rounding may lead to a little more than 1, which no view accepts.
         (self.radius, self.opacity) = (libm::exp(radius), libm::exp(opacity).min(1.0));
     }
 
@@ -75,6 +76,7 @@ impl View {
             let (sine, cosine) = libm::sincos(2.0 * std::f64::consts::PI * i as f64 / frames as f64);
             let turned = |v: [f64; 3]| [cosine * v[0] + sine * v[2], v[1], cosine * v[2] - sine * v[0]];
             let mut camera = self.camera;
+            // The first frame is the view itself, to the bit.
             if i > 0 {
                 let from = turned(each_axis(|k| camera.position[k] - camera.focal_point[k]));
                 camera.position = each_axis(|k| camera.focal_point[k] + from[k]);

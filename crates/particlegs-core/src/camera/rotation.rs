@@ -1,8 +1,8 @@
-//! Orientations, as unit quaternions (w, x, y, z).
+//! Orientations, as unit quaternions (w, x, y, z), and smooth curves through keys of them or of numbers.
 
-use super::interpolate::Interpolate;
 use super::view::Frame;
 use crate::math::{Purpose, Random, cross, dot, each_axis, norm};
+use std::array::from_fn;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Rotation([f64; 4]);
@@ -16,7 +16,7 @@ impl Rotation {
     /// One drawn uniformly.
     pub fn random(seed: u64) -> Rotation {
         let mut random = Random::from_purpose(Purpose::OrbitTurn, seed, 0);
-        Rotation::new(std::array::from_fn(|_| random.normal()))
+        Rotation::new(from_fn(|_| random.normal()))
     }
 
     /// The orientation of a camera's frame (Shepperd 1978: by the largest component).
@@ -60,6 +60,7 @@ impl Interpolate<3> for Rotation {
         let sine = norm(axis);
         // For small turns the angle is twice the sine.
         let factor = if sine < 1e-12 { 2.0 } else { 2.0 * libm::atan2(sine, w.abs()) / sine };
+        // q and -q are the same orientation: the sign of w takes the shorter turn.
         axis.map(|v| v * factor.copysign(w))
     }
 
@@ -71,13 +72,60 @@ impl Interpolate<3> for Rotation {
         }
         let (sine, cosine) = libm::sincos(0.5 * angle);
         let [x, y, z] = by.map(|v| v * sine / angle);
+        // Normalised again, so that rounding does not add up from step to step.
         Rotation::new(self.times(Rotation([cosine, x, y, z])).0)
     }
 }
 
+/// A value that changes smoothly from key to key: numbers, or an orientation.
+pub(super) trait Interpolate<const N: usize>: Copy {
+    /// The step that leads to another.
+    fn step_to(self, other: Self) -> [f64; N];
+
+    fn stepped(self, by: [f64; N]) -> Self;
+}
+
+impl<const N: usize> Interpolate<N> for [f64; N] {
+    fn step_to(self, other: Self) -> [f64; N] {
+        from_fn(|k| other[k] - self[k])
+    }
+
+    fn stepped(self, by: [f64; N]) -> Self {
+        from_fn(|k| self[k] + by[k])
+    }
+}
+
+/// The slope at a key between two steps, as Fritsch and Butland (1984) choose it: the harmonic mean of steps in one
+/// direction, and rest where the direction turns.
+fn slope(before: f64, after: f64) -> f64 {
+    if before * after > 0.0 { 2.0 / (1.0 / before + 1.0 / after) } else { 0.0 }
+}
+
+/// The value at `t` in [0, 1] of the piece that begins at key `i`: a cubic Bezier curve (Shoemake 1985 for orientations)
+/// that passes through each key, nowhere beyond its neighbours. The first and the last key are at rest.
+pub(super) fn at<const N: usize, T: Interpolate<N>>(keys: &[T], i: usize, t: f64) -> T {
+    let Some(&next) = keys.get(i + 1) else { return keys[i] };
+    let speed = |k: usize| match (k.checked_sub(1).and_then(|b| keys.get(b)), keys.get(k + 1)) {
+        (Some(before), Some(after)) => {
+            let (a, b) = (before.step_to(keys[k]), keys[k].step_to(*after));
+            from_fn(|k| slope(a[k], b[k]))
+        }
+        _ => [0.0; N],
+    };
+    let step = |from: T, by: [f64; N], share: f64| from.stepped(by.map(|v| v * share));
+    // The inner points of a cubic Bezier curve lie a third of the slope from its ends.
+    let mut points = [keys[i], step(keys[i], speed(i), 1.0 / 3.0), step(next, speed(i + 1), -1.0 / 3.0), next];
+    // De Casteljau's construction needs nothing but steps from value to value, which orientations have, too.
+    for left in (1..4).rev() {
+        for k in 0..left {
+            points[k] = step(points[k], points[k].step_to(points[k + 1]), t);
+        }
+    }
+    points[0]
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::interpolate::at;
     use super::*;
     use crate::camera::spherical_camera;
 

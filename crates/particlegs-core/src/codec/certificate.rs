@@ -102,6 +102,7 @@ impl MetricVisitor for CertificateEncoder<'_> {
             Coding::UpTo => self.out.extend(match value {
                 MetricValue::None => NOT_MEASURED.to_le_bytes(),
                 MetricValue::Never => NEVER.to_le_bytes(),
+                // 0 stands for nowhere, so a smaller wave number becomes the least above it.
                 _ => (real as f32).max(f32::from_bits(1)).to_le_bytes(),
             }),
             Coding::From => self.out.extend(match value {
@@ -133,6 +134,7 @@ impl MetricVisitor for CertificateDecoder<'_> {
 
     fn begin(&mut self, group: &MetricGroup, _: bool) -> Result<bool, String> {
         let stored_group = self.groups.iter().find(|g| g.0 == group.tag);
+        // Groups that must be there are visited all the same: without bytes their first figure is missing.
         self.left = WireReader::new(stored_group.map_or(&[], |g| g.1));
         Ok(stored_group.is_some())
     }

@@ -1,6 +1,5 @@
 //! Changes of a block's Gaussians from one frame of a series to the next (docs/format.md, section 16).
 
-use super::cholesky::CholeskyFactor;
 use super::decoder;
 use super::exact::{exp, exp_twice};
 use super::field::PreviousField;
@@ -8,6 +7,7 @@ use super::number_model::{
     COUNT, ChangeModels, FIRST_PLACE, LARGEST_LOG, NumberContext, PLACE, SHAPE, SIZE, WEIGHT, in_steps,
 };
 use super::rans::{Coder, RansReader, RansWriter};
+use super::shape::CholeskyFactor;
 use super::sums::{rescale, whole_counts};
 use super::wire::WireReader;
 use super::{Encoder, Precision};
@@ -160,6 +160,7 @@ impl ChangeNumbers<'_> {
         *history = 2 * k + *history / 2;
         self.coded += 1;
         self.sum += k.unsigned_abs();
+        // An encoder's number is within `most` by `in_steps`; a file may hold any.
         let value = f64::from(k) * step;
         if value.abs() > most { Err("a number of a change is out of range".into()) } else { Ok(value) }
     }
@@ -436,6 +437,7 @@ pub(super) struct FrameMap {
 
 impl FrameMap {
     pub(super) fn new(from: Option<Cell>, to: Option<Cell>) -> FrameMap {
+        // A cell without three vectors does not count here (section 16).
         let spanned = |c: &Cell| !c.vectors.contains(&[0.0; 3]);
         let [from, to] = [from, to].map(|c| c.filter(spanned).and_then(PeriodicCell::new));
         let cells = from.zip(to).filter(|(a, b)| a.cell != b.cell).map(|(a, b)| (a, b.cell));

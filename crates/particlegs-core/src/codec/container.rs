@@ -110,6 +110,7 @@ pub(crate) fn write(kind: u8, sections: &[Section<'_>], index: bool) -> Vec<u8> 
     if index {
         let mut at = HEAD_BYTES;
         for (number, section) in sections.iter().enumerate() {
+            // The index will stand behind the first section and moves all others.
             if number == 1 {
                 at += SECTION_BYTES + ENTRY_BYTES * sections.len();
             }
@@ -176,6 +177,7 @@ pub(crate) fn read<'a>(kind: u8, file: &'a [u8], place: &str) -> Result<FileSect
     let mut index = None;
     let mut at = HEAD_BYTES;
     while at < file.len() {
+        // An open file may end within a section, which is then ignored.
         if open && section_end(file, at).is_none_or(|end| end > file.len() as u64) {
             break;
         }
@@ -244,6 +246,7 @@ fn promise(file: &[u8], place: &str) -> Result<u64> {
     };
     let (major, minor, kind, reserved, length, sum) =
         field(&mut WireReader::new(head)).map_err(|message| Error::corrupt(place, message))?;
+    // Before the version, so that a damaged head is not taken for that of a newer program.
     if crc32fast::hash(&head[..HEAD_BYTES - 4]) != sum {
         return corrupt("the checksum of the header is wrong".into());
     }

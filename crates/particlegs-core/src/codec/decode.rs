@@ -171,6 +171,7 @@ impl<'a> Decoder<'a> {
             let shared = SharedSpecies::share_layer(&metadata.shared_species, &self.info.layers[b.layer].name);
             fields_of(&mut block, &b.fields, metadata, shared, &|_| None)
                 .map_err(|message| corrupt(place, b.offset, message))?;
+            // After all fields, as a correlation whose fields are not there is passed over.
             for section in &b.correlations {
                 correlation_of(&mut block, section, &metadata.fields)
                     .map_err(|message| corrupt(place, b.offset, message))?;
@@ -277,6 +278,7 @@ fn complete(g: &mut Mixture, classes: &[Quantity]) -> std::result::Result<(), St
         // Gaussians of no particles have zeros.
         let share = if g.count[i] < 1.0 { 0.0 } else { share };
         moments.mean[0].push(share);
+        // A difference and not a negation, which would make -0 of a sum of 0.
         (0..3).for_each(|k| moments.slope[0][k].push(0.0 - sum(&|f| f.slope[0][k][i])));
         moments.spread[0].push(share * (1.0 - share));
     }

@@ -7,10 +7,9 @@ use super::fine::{FineWalk, Leaf};
 use super::header::{BlockHeader, GAUSSIANS_A_BYTE};
 use super::levels::{LEVELS, LevelWalk, NoSource, NodeContent, TreeNode};
 use super::rans::{Coder, RansReader};
-use super::splits::trunk;
 use super::streams::{self, Streams};
 use super::sums::{opacity_of, rescale, whole_counts};
-use super::tree::{SplitNode, gaussians, pieces};
+use super::tree::{SplitNode, gaussians, pieces, trunk};
 use crate::context::Context;
 use crate::math::{Sym3, each_axis};
 use crate::memory::filled;
@@ -217,6 +216,7 @@ fn coarse(
             walk = Some(level_walk).filter(|_| !reader.exhausted());
         }
         let Some(walk) = &mut walk else { break };
+        // The last stage has no cut: it goes to the last level.
         let level = header.cuts.get(stage).map_or(LEVELS - 1, |&level| usize::from(level));
         let whole = walk.run(&mut reader, &mut NoSource, level).map_err(out_of_range)?;
         // A section holds whole streams, while a prefix of a block may end within one.
@@ -352,6 +352,7 @@ impl BlockDecoder {
         let header = BlockHeader::read(block)?;
         header.check_length(block.len() as u64)?;
         let streams = streams::read(&header, block)?;
+        // Without a table the stream goes to the end of the block, and its padding is checked when it is read.
         let last = streams.stages.last().and_then(|s| s.last()).map_or(0, |s| s.end);
         let rest = block.get(last..).ok_or("a stream ends too soon")?;
         padding(&header, block.len(), rest)?;

@@ -3,18 +3,15 @@
 use super::OutOfRange;
 use super::container::STAGE_BYTES;
 use super::fine::{FineWalk, Leaf};
-use super::header::{BlockHeader, GAUSSIANS_A_BYTE, MOST_PARTICLES, cholesky};
+use super::header::{BlockHeader, GAUSSIANS_A_BYTE, MOST_PARTICLES, Precision, cholesky};
 use super::levels::{LEVELS, LevelWalk, NodeHalves};
-use super::place::{PlacementTarget, quantise_places};
-use super::precision::Precision;
 use super::predictor::{fit, low_bits};
 use super::rans::RansWriter;
 use super::shape::Logs;
 use super::source::{SegmentSource, SegmentTree};
-use super::splits::trunk;
 use super::streams::{self, STAGES};
-use super::tree::{Tree, pieces};
-use super::trellis::{TrellisSample, TrellisState, quantise};
+use super::tree::{Tree, pieces, trunk};
+use super::trellis::{PlacementTarget, TrellisSample, TrellisState, quantise, quantise_places};
 use crate::math::{Sym3, each_axis};
 use crate::model::{AlphaBlend, Block};
 use crate::space::Bounds;
@@ -54,6 +51,7 @@ impl Encoder {
         let within = each_axis(|k| {
             parallel::map_range(tree.order.len(), |at| {
                 let (i, cell) = (tree.order[at], &tree.cells[at]);
+                // A flat axis has one level, and all places lie in its middle.
                 if extent[k] == 0.0 {
                     return 0.5;
                 }
@@ -92,6 +90,7 @@ impl Encoder {
     pub fn encode(&self, precision: &Precision) -> Vec<u8> {
         let (mut header, leaves) = self.quantise(precision);
         let (trunk, segments) = self.record(&header, &leaves);
+        // Where stages end depends on how much each level has recorded, so it is known only now.
         if self.len() >= STAGED {
             header.cuts = cuts(&segments);
         }
@@ -152,6 +151,7 @@ impl Encoder {
             ..BlockHeader::default()
         };
         let mut leaves: Vec<Leaf> = self.tree.cells.iter().map(|&cell| Leaf { cell, ..Leaf::default() }).collect();
+        // Sizes and counts come first, as the steps of shapes and places follow from them.
         self.each(&mut leaves, |range, leaves| self.scalars(&header, range, leaves));
         // In order and not in parallel: the bytes hang on the last digit of this sum.
         let sum: f64 = leaves.iter().map(|l| header.log_importance(l.t, l.m)).sum();
@@ -270,6 +270,7 @@ fn cuts(segments: &[RansWriter]) -> Vec<u8> {
     let all = recorded(LEVELS - 1);
     let level = |share: f64| (0..LEVELS - 1).find(|&l| recorded(l) >= share * all).unwrap_or(LEVELS - 2) as u8;
     let mut cuts = STAGES.map(level).to_vec();
+    // Two shares may fall into one level, but levels must rise strictly (section 4).
     cuts.dedup();
     cuts
 }

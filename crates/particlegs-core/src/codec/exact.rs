@@ -30,6 +30,7 @@ pub(crate) fn exp(x: f64) -> f64 {
     for i in (0..13).rev() {
         p = p * r + INVERSE_FACTORIAL[i];
     }
+    // 2^k by its exponent: k is at most 1010 in size, so that it is no subnormal number.
     p * f64::from_bits(((k as i64 + 1023) as u64) << 52)
 }
 
@@ -51,6 +52,7 @@ pub(crate) fn exp_twice(five: [f64; 5]) -> Sym3 {
     let norm2 = five[0] * five[0] + five[1] * five[1] + five[2] * five[2] + five[3] * five[3] + five[4] * five[4];
     let mut j = 0;
     let mut reach = 0.25;
+    // Scaled to a norm of at most 1, where degree 16 of the series is enough for f64.
     while norm2 > reach {
         reach *= 4.0;
         j += 1;

@@ -1,11 +1,12 @@
 //! A field's moments of a block's Gaussians as bytes (docs/format.md, section 14). Values are predicted from Gaussians
 //! already decoded, in a change from the frame before (section 16), and coded in steps of a Gaussian's standard error.
 
-use super::cholesky::CholeskyFactor;
 use super::exact::{exp, exp_twice, to_five};
-use super::field_number::{FieldNumberCoder, FieldPredictor, expected};
-use super::number_model::{ChangeModels, LARGEST_LOG as LARGEST_CHANGE, NumberContext, in_steps};
+use super::number_model::{
+    ChangeModels, FieldNumberCoder, FieldPredictor, LARGEST_LOG as LARGEST_CHANGE, NumberContext, expected, in_steps,
+};
 use super::rans::{Coder, RansReader, RansWriter};
+use super::shape::CholeskyFactor;
 use super::sums::compensated;
 use super::wire::WireReader;
 use crate::math::{Sym3, each_axis};
@@ -142,6 +143,7 @@ impl FieldHeader {
         }
         let [a, b, c, d, change @ .., e, f, g, h] = floats;
         let positive = |v: &f32| *v > 0.0 && *v < 1e30;
+        // An infinite mean stands for the least or largest value (section 14), so only NaN is refused.
         if !floats[..8].iter().all(positive) || g.is_nan() || !h.is_finite() {
             return Err("the steps of a field are out of range".into());
         }
@@ -531,6 +533,7 @@ impl<'a> FieldWalk<'a> {
         let total = compensated(&(0..g.len()).map(weight).collect::<Vec<_>>());
         for (k, [least, largest]) in self.header.range.iter().enumerate() {
             let mean = &mut self.out.mean[k];
+            // This changes the sum, so it comes before the sum is put right.
             mean.iter_mut().for_each(|v| *v = v.clamp(*least, *largest));
             // Of a logarithmic field the shift alone makes the sum the particles'.
             if let (Some(excess), Some(column)) = (self.header.excess, &mut self.out.excess) {
@@ -560,6 +563,7 @@ fn scale_shares(mean: &mut [f64], wanted: f64, total: f64, sum_of: impl Fn(&[f64
         if sum == wanted {
             break;
         }
+        // What is cut off at 1 is lost to the sum, so it takes several rounds.
         match sum > 0.0 {
             true => mean.iter_mut().for_each(|v| *v = (*v * (wanted / sum)).min(1.0)),
             false => mean.fill(wanted / total),
@@ -573,6 +577,7 @@ fn spread_logs(m: &FieldMoments, i: usize) -> (f64, [f64; 5]) {
         return (0.5 * libm::log(m.spread[0][i].max(1e-200)), [0.0; 5]);
     }
     let mut eigen = Sym3(std::array::from_fn(|k| m.spread[k][i])).eigen();
+    // A flat spread has no logarithm across: there it counts as a thousandth of its longest width.
     let least = 1e-6 * eigen.values[0].max(1e-200);
     eigen.values = eigen.values.map(|v| 0.5 * libm::log(v.max(least)));
     let size = eigen.values.iter().sum::<f64>() / 3.0;

@@ -1,7 +1,7 @@
 //! Correlations between two scalar fields of a block's Gaussians as bytes (docs/format.md, section 14).
 
 use super::exact::exp;
-use super::field_number::{FieldNumberCoder, FieldPredictor, expected};
+use super::number_model::{FieldNumberCoder, FieldPredictor, expected};
 use super::rans::{Coder, RansReader, RansWriter};
 use super::wire::WireReader;
 use crate::math::{each_axis, norm};
@@ -45,6 +45,7 @@ impl CorrelationHeader {
 
 /// Encodes the correlations of two fields, by their numbers, of a block's decoded Gaussians.
 pub fn encode_correlation(fields: [u8; 2], correlations: &[f64], gaussians: &Mixture) -> Vec<u8> {
+    // Correlations of 1 have an infinite area tangent, which the limit cuts off.
     let wanted: Vec<f64> =
         correlations.iter().map(|r| libm::atanh(r.clamp(-1.0, 1.0)).clamp(-LARGEST, LARGEST)).collect();
     let header = CorrelationHeader { fields, ..statistics(&wanted, gaussians) };
@@ -80,6 +81,7 @@ fn walk(
     let (mut out, mut done, mut models) = (vec![0.0; g.len()], FieldPredictor::new(g), FieldNumberCoder::default());
     for i in 0..g.len() {
         let n = g.count[i];
+        // Gaussians without a particle have a correlation of 0 (section 14).
         if n < 1.0 {
             continue;
         }

@@ -175,6 +175,7 @@ impl CodedFile {
                 }
                 keyed.push((order_key(&header), header.weighted, block));
             }
+            // Blocks of equal bounds come in the order of their bytes (section 1).
             keyed.sort();
             let weighted = keyed.first().is_some_and(|b| b.1);
             if keyed.iter().any(|b| b.1 != weighted) {
@@ -454,6 +455,7 @@ fn agree(m: &Metadata, layers: &[LayerPart<'_>]) -> std::result::Result<(), Stri
     if let Some(l) = layers.iter().find(|l| l.content.iter().any(|b| b.header.weighted != l.mass.is_weighted())) {
         return Err(format!("the blocks of layer `{}` and the metadata disagree about weights", l.name));
     }
+    // Sums of masses depend on their order, so that they agree only up to rounding (section 1).
     if (mass - m.mass).abs() > 1e-9 * m.mass {
         return Err(format!("the blocks have a mass of {mass}, but the metadata says {}", m.mass));
     }
@@ -468,6 +470,7 @@ fn agree_with(c: &Certificate, m: &Metadata, bytes: u64) -> std::result::Result<
         dot(a, cross(b, c)).abs()
     };
     let volume = extent[0] * extent[1] * extent[2];
+    // A snapshot may fill a part of its cell alone, and a cell may have no volume.
     let volume = m.cell.map(of_cell).filter(|v| *v > 0.0).map_or(volume, |v| v.min(volume));
     // Twice the particles' Nyquist frequency.
     let largest = 2.0 * PI * libm::cbrt(m.count as f64 / volume);

@@ -6,9 +6,8 @@ use super::exact::exp;
 use super::header::{BlockHeader, cholesky, limited};
 use super::levels::{NodeContent, TreeNode};
 use super::rans::Coder;
-use super::splits::long_uniform;
 use super::symbols::Residual;
-use super::tree::TreeCell;
+use super::tree::{TreeCell, long_uniform};
 use super::trellis::TrellisState;
 use crate::math::Sym3;
 
@@ -130,6 +129,7 @@ impl<'a> FineWalk<'a> {
             let j = match to.saturating_sub(from) {
                 0 => return Err(OutOfRange),
                 1 => from,
+                // An encoder's place holds its level in the bits above the quarters.
                 count => from + long_uniform(c, count, (leaf.place[k] / 4).saturating_sub(from)),
             };
             self.trellis_place.step(j as i64);
@@ -159,6 +159,7 @@ impl PowerCache {
     /// Radius, count and step factor of a Gaussian whose numbers are known.
     #[inline(always)]
     fn fill(&mut self, h: &BlockHeader, leaf: &mut Leaf) {
+        // Negative numbers wrap in the cast, which gives them a place in the cache as well.
         let size = &mut self.sizes[leaf.t as usize % POWERS];
         if size.0 != leaf.t {
             *size = (leaf.t, h.radius(leaf.t), h.size_power(leaf.t));
@@ -175,6 +176,7 @@ impl PowerCache {
 #[inline(always)]
 fn spread_class(expected: f64, low: u8) -> usize {
     let e = expected / f64::from(1u32 << low);
+    // The exponent of the square counts half octaves of e, as no logarithm of the platform may be used.
     let octaves = ((e * e).to_bits() >> 52) as i32 - 1023;
     (octaves + 4).clamp(0, SPREADS.len() as i32 - 1) as usize
 }

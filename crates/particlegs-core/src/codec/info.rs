@@ -89,6 +89,7 @@ impl FileInfo {
     pub fn raw_field_bytes(&self) -> u64 {
         let raw =
             self.metadata.fields.iter().zip(&self.fields).map(|(q, f)| f.particles.saturating_mul(q.bytes.into()));
+        // Counts come from a file and may be any number.
         raw.fold(0, u64::saturating_add)
     }
 

@@ -1,9 +1,9 @@
 //! Models between two frames of a series.
 
 use super::change::{FrameMap, TrackedBlock};
-use super::cholesky::CholeskyFactor;
 use super::exact::{exp, exp_twice};
 use super::series::TrackedModel;
+use super::shape::CholeskyFactor;
 use super::sums::compensated;
 use crate::math::{Sym3, each_axis};
 use crate::model::{Block, Epoch, Layer, Metadata, Mixture, Model, Quantity};

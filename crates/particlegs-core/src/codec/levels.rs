@@ -206,6 +206,7 @@ impl<'a> LevelWalk<'a> {
     ) -> Result<bool, OutOfRange> {
         while self.level <= level {
             let Some(&node) = self.waiting[self.level].get(self.done) else {
+                // The list of a level that is over gives its memory back.
                 self.waiting[self.level] = Vec::new();
                 (self.level, self.done) = (self.level + 1, 0);
                 c.end_of_level();
@@ -239,6 +240,7 @@ impl<'a> LevelWalk<'a> {
         let mut stack: Vec<u32> = (0..self.roots.len() as u32).rev().collect();
         while let Some(node) = stack.pop() {
             match self.nodes[node as usize].below {
+                // The lower half comes to lie on top, and so is taken first.
                 NodeContent::Halves([a, b]) => stack.extend([b, a]),
                 _ => out.push(node),
             }
@@ -318,6 +320,7 @@ impl<'a> LevelWalk<'a> {
         let shift = i32::from(self.header.surplus);
         match halves {
             NodeHalves::Single(false) => self.models.count[1].code(c, low, difference - shift).saturating_add(shift),
+            // Mirrored: the side of several comes first in both cases, so that one model serves them.
             NodeHalves::Single(true) => {
                 (self.models.count[1].code(c, low, -difference - shift).saturating_add(shift)).saturating_neg()
             }

@@ -74,6 +74,7 @@ impl Merge {
                 (combined(known, &metadata), first)
             }
         });
+        // The network of the part with the first block of all is kept, whatever the order of parts (section 12).
         if let Some(first) = first_block(&layers, place)?
             && self.network.as_ref().is_none_or(|network| first < network.0)
         {
@@ -117,6 +118,7 @@ impl Merge {
         (metadata.count, metadata.mass) = sums(&layers)?;
         metadata.default_radius = metadata.bounds.default_radius(metadata.count);
         metadata.tool_version = env!("CARGO_PKG_VERSION").to_string();
+        // Zeros stand for several sources, as `combined` left them.
         if metadata.source_hash == [0; 32] {
             metadata.source_hash = combined_digest(&digests);
         }

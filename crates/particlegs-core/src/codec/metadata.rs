@@ -240,6 +240,7 @@ fn read_unit(tag: u8, v: &[u8], longest: usize) -> Result<Unit, String> {
     if factor < 0.0 || !a.is_finite() || !h.is_finite() || !known && (a, h) != (0.0, 0.0) {
         return Err(format!("a unit has an invalid factor {factor} or exponents {a} and {h}"));
     }
+    // The text follows the factor of 8 bytes and two exponents of 4.
     Ok(Unit { text: string(tag, &v[16..], longest)?, si: known.then_some(Si { factor, a, h }) })
 }
 
@@ -356,6 +357,7 @@ fn cosmology_of(c: &Cosmology) -> [Option<f64>; 4] {
 fn cosmology(v: &[u8]) -> Result<Cosmology, String> {
     let (known, numbers) = v.split_first().ok_or("the cosmology is empty")?;
     let numbers = reals(COSMOLOGY, numbers)?;
+    // Numbers of bits that only a newer program knows are there, too, and are passed over.
     if numbers.len() != known.count_ones() as usize {
         return Err(format!("the cosmology has {} numbers, which does not match its bits {known:#04x}", numbers.len()));
     }
@@ -454,6 +456,7 @@ fn bounds(v: &[u8]) -> Result<Bounds, String> {
 }
 
 fn reals(tag: u8, v: &[u8]) -> Result<Vec<f64>, String> {
+    // No field has more than the nine numbers of a cell.
     if !v.len().is_multiple_of(8) || v.len() > 72 {
         return Err(format!("metadata field {tag} has a wrong size: {} bytes", v.len()));
     }

@@ -1,16 +1,15 @@
 //! Floor 3: mixture to bytes and back (docs/format.md).
 //!
-//! A block's means are sorted into a tree of cells (`tree`); sizes, counts, shapes (`shape`) and places (`place`) are put
-//! on lattices (`trellis`). One walk codes the tree level by level, heavy and dense nodes first, with every node's count
+//! A block's means are sorted into a tree of cells (`tree`); sizes, counts, shapes (`shape`) and places are put on
+//! lattices (`trellis`). One walk codes the tree level by level, heavy and dense nodes first, with every node's count
 //! (`levels`; `source` is its encoder's side); a second one codes what is left in the order of the tree (`fine`), so that
 //! any prefix is a coarser mixture. Both use adaptive models (`symbols`) and rANS (`rans`); points alone are coded alike
-//! (`points`), as many of them as fit in a size (`thinning`). Sections with checksums hold it all together (`container`,
+//! (`points`), as many of them as fit in a size. Sections with checksums hold it all together (`container`,
 //! `file`); files are merged by copying their blocks (`merge`). Blocks of the alpha-blend law hold opacities and grey
 //! levels in the places of counts and masses; its network has a section (`vizmapper`).
 
 mod certificate;
 mod change;
-mod cholesky;
 mod container;
 mod decode;
 mod decoder;
@@ -18,7 +17,6 @@ mod encoder;
 mod exact;
 mod field;
 mod field_correlation;
-mod field_number;
 mod file;
 mod fine;
 mod header;
@@ -28,9 +26,7 @@ mod levels;
 mod merge;
 mod metadata;
 mod number_model;
-mod place;
 mod points;
-mod precision;
 mod predictor;
 mod rans;
 #[cfg(test)]
@@ -40,11 +36,9 @@ mod series_clock;
 mod shape;
 mod shared_species;
 mod source;
-mod splits;
 mod streams;
 mod sums;
 mod symbols;
-mod thinning;
 mod tree;
 mod trellis;
 mod vizmapper;
@@ -59,22 +53,20 @@ pub use decode::{Decoder, check, decode, decode_block, decode_prefix, decode_wit
 pub use encoder::Encoder;
 pub use field::{FieldPrecision, PreviousField, encode_field};
 pub use field_correlation::encode_correlation;
-pub use file::MOST_LAYERS;
 pub use file::{
-    CodedLayer, StoredBlock, StoredSection, VIZMAPPER_SECTION_BYTES, assemble, assemble_with, coded_layers, encode,
-    file_hash, read_metadata, size_without_blocks, stored_bytes,
+    CodedLayer, MOST_LAYERS, StoredBlock, StoredSection, VIZMAPPER_SECTION_BYTES, assemble, assemble_with,
+    coded_layers, encode, file_hash, read_metadata, size_without_blocks, stored_bytes,
 };
+pub use header::Precision;
 pub use info::{BlockInfo, FieldInfo, FileInfo, LayerSum, read_info};
 pub use merge::{Merge, blocks_hash, source_statements, sums};
-pub use points::CodedPoints;
-pub use precision::Precision;
+pub use points::{CodedPoints, Thinning};
 pub use series::{
     CodedFrame, FrameCoding, FrameEntry, INDEX_FROM, MOST_FRAMES, SeriesDecoder, SeriesFile, TrackedModel,
     assemble_series,
 };
 pub use series_clock::SeriesClock;
 pub use sums::whole_counts;
-pub use thinning::Thinning;
 
 /// Numbers that a walk cannot go on with.
 #[derive(Debug)]

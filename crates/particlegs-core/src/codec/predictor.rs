@@ -50,6 +50,7 @@ pub(crate) fn fit<const K: usize>(
     }
     let trace: f64 = (0..K).map(|k| a[k][k]).sum();
     for k in 0..K {
+        // A feature that does not vary would leave the system singular.
         a[k][k] += 1e-6 * trace + 1e-3;
     }
     let slopes = solve(a, b);
@@ -57,6 +58,7 @@ pub(crate) fn fit<const K: usize>(
     let mut constant = mean_y;
     for k in 0..K {
         p.slopes[k] = (slopes[k] * 256.0).round().clamp(-32768.0, 32767.0) as i16;
+        // With the slopes as they are rounded, so that the constant makes up for that in the mean.
         constant -= f64::from(p.slopes[k]) / 256.0 * mean[k];
     }
     p.constant = constant.round().clamp(-2e9, 2e9) as i32;

@@ -456,6 +456,7 @@ impl<'a> SeriesDecoder<'a> {
                 0
             }
         };
+        // The frame that was used last comes first, so that the other one is dropped next.
         self.last[..=place].rotate_right(1);
         Ok(&self.last[0].1)
     }
@@ -463,6 +464,7 @@ impl<'a> SeriesDecoder<'a> {
     fn decoded(&self, frame: usize, context: &Context<'_>) -> Result<TrackedModel> {
         let series = &self.series;
         let key = series.keyframe(frame)?;
+        // Only a frame of the same group, from its keyframe on, leads to this one.
         let last_decoded = self.last.iter().filter(|(number, _)| (key..frame).contains(number)).max_by_key(|l| l.0);
         let (from, mut model) = match last_decoded {
             Some((number, model)) => (*number, model.clone()),
@@ -583,6 +585,7 @@ fn frame_entries(bytes: &[u8]) -> std::result::Result<(SeriesClock, Vec<FrameEnt
     let mut r = WireReader::new(bytes);
     let clock = SeriesClock::ALL.get(usize::from(r.u8()?)).ok_or("the clock of the series is not known")?;
     let count = r.u32()? as usize;
+    // Checked before memory is taken, as a damaged count may be any number.
     if count == 0 || count > MOST_FRAMES || bytes.len() != INDEX_HEAD + ENTRY * count {
         return Err(format!("the index has {} bytes for {count} frames", bytes.len()));
     }

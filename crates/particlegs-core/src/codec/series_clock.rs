@@ -59,6 +59,7 @@ impl SeriesClock {
     pub fn text(self, time: f64, units: &Units) -> String {
         match self {
             SeriesClock::ScaleFactor => {
+                // Rounding may leave a little less than 0 of today, which would be written as -0.000.
                 let z = 1.0 / time - 1.0;
                 format!("z = {:.3}", if z.abs() < 5e-4 { 0.0 } else { z })
             }
@@ -88,6 +89,7 @@ impl SeriesClock {
         } else if let Some(step) = text.strip_prefix("step=") {
             (SeriesClock::Step, number(step)?)
         } else {
+            // `s` is the last of the list, as the names of other units end with it.
             let (unit, length) = SECONDS.iter().find(|(name, _)| text.ends_with(name)).ok_or_else(wrong)?;
             let seconds = number(text.trim_end_matches(unit))? * length;
             if self == SeriesClock::ScaleFactor {
@@ -96,6 +98,7 @@ impl SeriesClock {
                 );
                 return cosmology.scale_factor_at(seconds).ok_or_else(|| Error::argument(message));
             }
+            // A unit that changes with a or h is no number of seconds.
             let si = units.time.as_ref().and_then(|u| u.si).filter(|si| si.a == 0.0 && si.h == 0.0);
             let si =
                 si.ok_or_else(|| Error::argument(format!("time {text}: the series does not state its unit of time")));

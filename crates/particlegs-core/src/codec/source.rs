@@ -77,11 +77,13 @@ impl<'a> SegmentSource<'a> {
     pub(crate) fn new(tree: &'a SegmentTree, leaves: &'a [Leaf], count_step: f32) -> Self {
         let sums = CountSums::new(f64::from(count_step));
         let (mut counts, mut masses) = (vec![0; tree.forks.len()], vec![0; tree.forks.len()]);
+        // Nodes stand before their halves: backwards, the halves of each are done.
         for (i, fork) in tree.forks.iter().enumerate().rev() {
             (counts[i], masses[i]) = match *fork {
                 Fork::Leaf(leaf) => (leaves[leaf as usize].m >> 1, leaves[leaf as usize].w >> 1),
                 Fork::One(_, below) => (counts[below as usize], masses[below as usize]),
                 Fork::Two(halves) => {
+                    // The mean is rounded down, as the decoder halves the difference (section 6).
                     let [a, b] = halves.map(|h| masses[h as usize]);
                     (sums.whole(halves.map(|h| counts[h as usize])), b + ((a - b) >> 1))
                 }

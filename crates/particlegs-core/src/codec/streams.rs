@@ -60,6 +60,7 @@ pub(crate) fn read(header: &BlockHeader, block: &[u8]) -> Result<Streams, String
     let lengths = r.take(if table { 4 * segments * stages } else { 0 })?;
     let mut at = header.bytes() + r.position();
     let mut stream = |length: u32| {
+        // Lengths may lead beyond the block: callers compare them with its bytes.
         let stream = at..at.saturating_add(length as usize);
         at = stream.end;
         stream

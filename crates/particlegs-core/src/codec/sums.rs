@@ -19,6 +19,7 @@ pub fn compensated(values: &[f64]) -> f64 {
 pub fn whole_counts(weights: &mut [f64], total: u64) {
     let sum = compensated(weights);
     if !(sum > 0.0 && sum.is_finite()) {
+        // Without any weight all have the same share.
         weights.fill(1.0);
     }
     let sum = compensated(weights);
@@ -40,6 +41,7 @@ pub fn whole_counts(weights: &mut [f64], total: u64) {
     let mut rest = total - floor_sum;
     while rest > 0 {
         let n = (rest.min(weights.len() as u64)) as usize;
+        // It matters only which are the largest, so they need not be sorted.
         if n < remainders.len() {
             remainders.select_nth_unstable_by(n, by_size);
         }
@@ -76,6 +78,7 @@ pub fn depth_of(opacity: f64) -> f64 {
 
 /// Scales masses so that they sum to `total`.
 pub fn rescale(masses: &mut [f64], total: f64) {
+    // The second time makes up for the rounding of the first.
     for _ in 0..2 {
         let sum = compensated(masses);
         let factor = total / sum;

@@ -130,6 +130,7 @@ impl<const N: usize> Residual<N> {
 #[cold]
 fn escape(c: &mut impl Coder, centre: i32, value: i32) -> i32 {
     let negative = c.bits(1, u32::from(value < 0));
+    // A decoder has no value: 1 keeps the logarithm below defined.
     let magnitude = (value.unsigned_abs()).saturating_sub(centre as u32).max(1);
     let length = c.uniform(22, magnitude.ilog2().min(21));
     let magnitude = (1u64 << length) | c.long_bits(length, u64::from(magnitude) & ((1 << length) - 1));

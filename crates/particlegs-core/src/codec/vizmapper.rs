@@ -96,6 +96,7 @@ fn step(values: &[f32], most: f32) -> f32 {
 }
 
 fn in_steps(value: f32, step: f32, most: f32) -> f32 {
+    // A layer of zeros has a step of 0.
     if step > 0.0 { (value / step).round().clamp(-most, most) } else { 0.0 }
 }
 

@@ -1,23 +1,41 @@
-//! Small mathematics that every module uses: symmetric 3x3 matrices, random draws that do not depend
-//! on order, and functions of whole vectors.
+//! Small mathematics that every module uses: vectors in space, symmetric 3x3 matrices, random draws that
+//! do not depend on order, and functions of whole vectors of numbers.
 
 mod random;
 mod sphere;
 mod symmetric;
 mod vector;
-mod vector3;
 
 pub use random::{Purpose, Random};
 pub use sphere::{GaussianInSphere, Rules};
 pub use symmetric::{Eigen, Sym3};
 pub use vector::{Matrix, across, add_product, exp2};
-pub use vector3::{cross, dot, norm};
 
 /// A value for each axis: x, y and z are 0, 1 and 2. A plain array: `std::array::from_fn` takes the compiler
 /// six functions for every closure, and vectors of three are made in hundreds of places.
 #[inline(always)]
 pub fn each_axis<T>(mut value_of: impl FnMut(usize) -> T) -> [T; 3] {
     [value_of(0), value_of(1), value_of(2)]
+}
+
+/// The scalar product.
+#[inline(always)]
+pub fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// The vector product.
+pub fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// The length, scaled so that coordinates of 1e-200 or 1e200 neither underflow nor overflow.
+pub fn norm(a: [f64; 3]) -> f64 {
+    let m = a[0].abs().max(a[1].abs()).max(a[2].abs());
+    if m == 0.0 || !m.is_finite() {
+        return m;
+    }
+    m * a.map(|v| (v / m) * (v / m)).iter().sum::<f64>().sqrt()
 }
 
 /// Whether float32 holds numbers between two so that each is told from those that lie a thousandth of the range away.

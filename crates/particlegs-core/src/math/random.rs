@@ -86,6 +86,7 @@ impl Random {
     /// Fills `words` with the stream's next bits, 32 each.
     pub fn fill(&mut self, words: &mut [u32]) {
         self.0.fill_bytes(bytemuck::cast_slice_mut(words));
+        // The stream is one of bytes: its words are little-endian on every machine.
         if cfg!(target_endian = "big") {
             words.iter_mut().for_each(|w| *w = w.swap_bytes());
         }
@@ -98,6 +99,7 @@ impl Random {
 
     /// Standard normal (Box-Muller, one of the pair).
     pub fn normal(&mut self) -> f64 {
+        // In (0, 1], as 0 has no logarithm.
         let u = 1.0 - self.uniform();
         let v = self.uniform();
         (-2.0 * libm::log(u)).sqrt() * libm::cos(2.0 * std::f64::consts::PI * v)

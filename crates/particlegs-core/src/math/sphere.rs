@@ -177,6 +177,7 @@ pub struct Rules([Vec<(f64, f64)>; RULES.len()]);
 /// Nodes and weights; the nodes are roots of the Legendre polynomial, by Newton's method.
 fn legendre(n: usize) -> Vec<(f64, f64)> {
     let node = |i: usize| {
+        // So near the root that ten steps reach its last digit.
         let mut x = libm::cos(PI * (i as f64 + 0.75) / (n as f64 + 0.5));
         let mut slope = 1.0;
         for _ in 0..10 {
@@ -235,6 +236,7 @@ impl Rules {
         if whole <= 0.0 {
             return piece(low, high);
         }
+        // Where `f` is 1 the integral is known, and no rule is needed.
         let inside = normal_share(c + whole, s) - normal_share(c - whole, s);
         inside + piece(low, high.min(angle(-whole))) + piece(low.max(angle(whole)), high)
     }

@@ -108,6 +108,7 @@ impl Sym3 {
         for _ in 0..32 {
             let off = a[0][1].abs() + a[0][2].abs() + a[1][2].abs();
             let on = a[0][0].abs() + a[1][1].abs() + a[2][2].abs();
+            // Below rounding of the diagonal: further turns change nothing.
             if off <= 1e-17 * on {
                 break;
             }
@@ -167,7 +168,9 @@ fn rotate(a: &mut [[f64; 3]; 3], v: &mut [[f64; 3]; 3], p: usize, q: usize) {
         return;
     }
     let theta = (a[q][q] - a[p][p]) / (2.0 * apq);
+    // The smaller of the two roots: it turns by 45 degrees at most.
     let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+    // `signum` tells -0 from 0, which would turn the other way.
     let t = if theta == 0.0 { 1.0 } else { t };
     let c = 1.0 / (t * t + 1.0).sqrt();
     let s = t * c;

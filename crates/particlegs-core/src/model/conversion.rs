@@ -127,9 +127,11 @@ impl<'a> UnitSystem<'a> {
             format!("{} cannot be converted to {}", word(0), word(1))
         };
         let same_text = units[0].text == units[1].text;
+        // Two units of one text are the same, even where nothing says how large they are.
         let label = Si { factor: 1.0, a: 0.0, h: 0.0 };
         let sizes = units.map(|u| size(u, dimension).or(same_text.then_some(label)));
         let [Some(from), Some(into)] = sizes else { return Err(format!("{}: the size of one is unknown", words())) };
+        // Where it is known whether lengths are comoving, that decides, whatever the unit's text says.
         let exponent = |k: usize, si: Si| comoving[k].map_or(si.a, |c| f32::from(u8::from(c)));
         let a = f64::from(exponent(0, from)) - f64::from(exponent(1, into));
         let h = f64::from(from.h) - f64::from(into.h);

@@ -102,9 +102,11 @@ impl Cosmology {
         const STEPS: u32 = 512;
         let (matter, lambda) = (self.omega_matter?, self.omega_lambda?);
         let curvature = 1.0 - matter - lambda;
+        // In the root of a the integrand is smooth at the big bang; in a itself it begins with an infinite slope.
         let rate = |s: f64| 2.0 * s * s / libm::sqrt(matter + s * s * (curvature + lambda * libm::pow(s, 4.0)));
         let step = root / f64::from(STEPS);
         let weight = |i: u32| if i == STEPS { 1.0 } else { 2.0 + 2.0 * f64::from(i % 2) };
+        // The first point is left out: the integrand is 0 there, and without matter 0 / 0.
         let sum: f64 = (1..=STEPS).map(|i| weight(i) * rate(step * f64::from(i))).sum();
         (sum.is_finite() && root < 1e6).then_some(sum * step / 3.0)
     }
@@ -307,6 +309,7 @@ impl Metadata {
     fn has_box_of(&self, next: &Metadata) -> bool {
         let (Some(before), Some(now)) = (self.epoch.scale_factor, next.epoch.scale_factor) else { return true };
         let (Some(a), Some(b)) = (self.cell, next.cell) else { return self.cell.is_none() == next.cell.is_none() };
+        // Cells without volume have no lattice to compare, but may be equal.
         let grown_by = |factor: f64| a.scaled(factor) == b || a.scaled(factor).same_lattice(&b, SAME_BOX);
         match next.units.comoving {
             Some(true) => grown_by(1.0),

@@ -1,34 +1,26 @@
 //! Floor 2: the mixture and what is known about it: plain data. Knows no file, no camera, no thread.
 
 mod certificate;
-mod columns;
 mod conversion;
 mod field;
-mod goal;
 mod law;
 mod layer;
-mod limit;
 mod metadata;
 mod metric;
 mod metrics;
 mod mixture;
 mod recipe;
 mod science;
-mod species;
 mod target;
 mod unit;
-mod vizmapper;
 mod weight_kind;
 
 pub use crate::hash::hex;
 pub use certificate::Certificate;
-pub use columns::{Columns, MASS};
 pub use conversion::{Conversion, UnitSystem};
 pub use field::FieldMoments;
-pub use goal::{Goal, GoalKind, GoalResult};
-pub use law::{AlphaBlend, Law, LawKind};
-pub use layer::{Layer, Mass};
-pub use limit::Limit;
+pub use law::{AlphaBlend, Law, LawKind, VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
+pub use layer::{Layer, Mass, SharedSpecies, is_species, species_aliases, species_title};
 pub use metadata::{Cosmology, Epoch, Metadata, Quantity, QuantityKind};
 pub use metric::{
     CertificateLevel, Coding, Metric, MetricEntry, MetricGroup, MetricUnit, MetricValue, PictureScore, Tolerance,
@@ -41,11 +33,9 @@ pub use metrics::{
     PICTURE_RADII, PICTURE_SETTINGS, POWER_LAYERS, PictureScores, PictureSetting, Pictures, PowerAgreement,
     SAMPLED_ABOVE, Sample, Spacing, Subset, Transfer, ViewMetrics,
 };
-pub use mixture::{Block, Mixture, Model};
+pub use mixture::{Block, Columns, MASS, Mixture, Model};
 pub use recipe::{Effort, Recipe, RecipeStep, TrainingRecipe};
-pub use science::{ScienceMetrics, ScienceSubject};
-pub use species::{SharedSpecies, is_species, species_aliases, species_title};
-pub use target::{DEFAULT_RATIO, Target};
+pub use science::{Limit, ScienceMetrics, ScienceSubject};
+pub use target::{DEFAULT_RATIO, Goal, GoalKind, GoalResult, Target};
 pub use unit::{Dimension, Si, Unit, Units, per_length};
-pub use vizmapper::{VIZMAPPER_PARAMETERS, VIZMAPPER_SHAPE, VizMapper, VizRanges};
 pub use weight_kind::{WeightKind, check_densities, density_of};

@@ -137,6 +137,7 @@ impl Recipe {
 
     /// The common recipe of two merged parts. Associative and commutative, and takes a recipe with itself to itself.
     pub fn joined(mut self, other: &Recipe) -> Self {
+        // Steps that differ become one merge (docs/format.md, section 12).
         let nothing = Recipe::default().merged();
         self.differing.extend(other.differing.iter().cloned());
         macro_rules! join {
@@ -168,6 +169,7 @@ impl Recipe {
 /// differs among the parts of a merge.
 impl fmt::Display for Recipe {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // The last step is said first: it is of what the earlier ones made.
         for step in self.steps.iter().rev() {
             match step {
                 RecipeStep::Merge => write!(f, "merge of: ")?,

@@ -260,8 +260,10 @@ fn lengths_apart(name: &str, dimension: Dimension) -> Option<((&'static str, f64
 
 /// The number that a word begins with, at most 32 characters, else 1; and the rest.
 fn number(word: &str) -> (f64, &str) {
+    // Rust also reads `inf` and `nan` as numbers, so a digit or a point must come first.
     let begins = word.starts_with(|c: char| c.is_ascii_digit() || c == '.');
     let ends = (1..=word.len().min(32)).rev().filter(|&end| begins && word.is_char_boundary(end));
+    // The longest beginning that is a number: 1e10 of `1e10Msun`, not 1.
     ends.filter_map(|end| Some((word[..end].parse().ok()?, &word[end..]))).next().unwrap_or((1.0, word))
 }
 

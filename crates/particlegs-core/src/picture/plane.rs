@@ -81,6 +81,7 @@ impl Plane {
             let bin = &mut bins[(v.to_bits() >> 16) as usize];
             *bin = (bin.0 + 1, bin.1 + f64::from(*v));
         }
+        // The faintest pixels are left out as long as they hold less than a thousandth of the sum.
         let mut tail = 1e-3 * bins.iter().map(|b| b.1).sum::<f64>();
         let first = bins.iter().position(|b| {
             tail -= b.1;
@@ -96,6 +97,7 @@ impl Plane {
                 }
                 None => true,
             })?;
+            // The middle of the bin, of which only the upper half of the bits is known.
             Some(f64::from(f32::from_bits((place as u32) << 16 | 0x8000)))
         };
         let [lo, hi] = [at(5.0)?, at(99.5)?];

@@ -88,6 +88,7 @@ impl UnitParser<'_> {
 impl UnitFactors {
     /// Reads a product up to its end or a closing bracket.
     fn product(&mut self, l: &mut UnitParser<'_>, sign: i32) -> Option<()> {
+        // Brackets are read by recursion, so a foreign text could otherwise exhaust the stack.
         if l.rest.len() > LONGEST || l.depth > DEEPEST {
             return None;
         }

@@ -50,6 +50,7 @@ impl ValueScale {
             }
         };
         Some(match self {
+            // A field of one value still gets a scale.
             _ if hi > lo => [lo, hi],
             ValueScale::Logarithmic => [lo / 1.5, hi * 1.5],
             _ => [lo - 0.5 * lo.abs().max(1e-300), hi + 0.5 * hi.abs().max(1e-300)],

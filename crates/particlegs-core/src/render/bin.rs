@@ -223,6 +223,7 @@ pub fn lattice_sum(mean: [f64; 2], [xx, xy, yy]: [f64; 3]) -> f64 {
     let mut sum = 1.0;
     for (i, j) in FREQUENCIES {
         let power = -0.5 * TWO_PI * TWO_PI * (i * i * xx + 2.0 * i * j * xy + j * j * yy);
+        // Smaller terms are below 2e-6.
         if power > -14.0 {
             sum += 2.0 * libm::exp(power) * libm::cos(TWO_PI * (i * mean[0] + j * mean[1]));
         }

@@ -157,6 +157,7 @@ pub(super) fn sum<'a>(
                 }
             }
         }
+        // After a group that was too much fewer runs go together, after a whole one more of them again.
         let whole = drawn == runs.len() - from;
         group = if whole { (2 * group).min(MOST_RUNS) } else { group.div_ceil(2) };
         runs.truncate(runs.len() - drawn);

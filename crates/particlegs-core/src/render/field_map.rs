@@ -1,13 +1,12 @@
 //! Maps of a field: its weighted mean along each line of sight, and its dispersion about that (docs/law/fields.md).
 
 use super::bin::{SMALL, lattice_sum};
-use super::depth_cut::{DepthCut, LogExcess};
 use super::field_query::{FieldQuery, MapComponent};
 use super::lens::Lens;
+use super::pixel_moments::{DepthCut, LogExcess, PixelValue, WeightFootprint};
 use super::project::{CameraGaussian, DepthMoments, Footprint, slices};
 use super::scene::Scene;
 use super::surface::{all_tails, moved, reach};
-use super::weight_footprint::{PixelValue, WeightFootprint};
 use crate::camera::DensityView;
 use crate::context::Context;
 use crate::math::{Sym3, dot, each_axis, float32_scale, norm};

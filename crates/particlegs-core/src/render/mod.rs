@@ -22,32 +22,49 @@
 pub mod alpha;
 pub mod bin;
 pub mod depth;
-mod depth_cut;
 mod field_map;
 mod field_query;
 pub mod lens;
+mod pixel_moments;
 pub mod project;
 pub mod raster;
-mod renderer;
 mod scene;
 mod scratch;
 mod surface;
 mod tone;
-mod weight_footprint;
 
 #[cfg(any(test, feature = "twins"))]
 #[allow(clippy::disallowed_methods)]
 pub mod plain;
-#[cfg(any(test, feature = "twins"))]
-pub mod testing;
 #[cfg(test)]
 mod tests;
 
 pub use depth::{draw, draw_into, optical_depth, optical_depth_into};
 pub use field_map::{FieldMap, field_map};
 pub use field_query::{FieldQuery, FieldWeight, MapComponent, first_means, mean_vector};
-pub use renderer::Renderer;
-pub use scene::Scene;
+pub use scene::{Renderer, Scene};
 pub use scratch::Scratch;
 pub use surface::{extent, surface_density, whole_view};
 pub use tone::{Tones, tone};
+
+/// Views and models for tests.
+#[cfg(any(test, feature = "twins"))]
+pub mod testing {
+    use crate::camera::{Camera, Projection, View};
+    use crate::model::{LawKind, Metadata, Model};
+    use crate::space::Bounds;
+
+    /// A camera of 30 degrees that looks at the origin.
+    pub fn view(position: [f64; 3], radius: f64, opacity: f64) -> View {
+        let projection = Projection::Perspective { fov_deg: 30.0 };
+        let camera =
+            Camera { position, focal_point: [0.0; 3], view_up: [0.0, 1.0, 0.0], projection, clipping_range: None };
+        View { name: "v".into(), camera, radius, opacity }
+    }
+
+    /// A model of the alpha-blend law without layers.
+    pub fn empty_model(bounds: Bounds, count: u64) -> Model {
+        let metadata = Metadata { default_radius: 0.02, ..Metadata::new(LawKind::AlphaBlend, count, bounds) };
+        Model { metadata, layers: Vec::new(), certificate: None }
+    }
+}

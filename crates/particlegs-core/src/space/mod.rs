@@ -2,8 +2,6 @@
 
 mod bounds;
 mod cell;
-mod periodic_cell;
 
 pub use bounds::Bounds;
-pub use cell::Cell;
-pub use periodic_cell::PeriodicCell;
+pub use cell::{Cell, PeriodicCell};

@@ -4,8 +4,10 @@
 //! The number of fragments on a pixel is Poisson, their alphas are `a g(u) g(v)` with (u, v)
 //! uniform on the splat's square, and the 8-bit blending is a Markov chain on 256 levels. All laws
 //! are exact: the area of the square where alpha exceeds a value is a circle cut by a square.
+//!
+//! [`ToneStyle`] lists the looks that a picture can have, of which this is one.
 
-use super::constants::{CUT_SIGMA, MEAN_COVERED_ALPHA, PEELS};
+use super::{CUT_SIGMA, MEAN_COVERED_ALPHA, PEELS};
 
 /// Levels of an 8-bit buffer.
 const LEVELS: usize = 256;
@@ -96,6 +98,7 @@ fn share_above(alpha: f64, opacity: f64) -> f64 {
         return circle / square;
     }
     let rho = rho2.sqrt();
+    // The four segments of the circle beyond the sides of the square.
     let outside = 4.0 * (rho2 * libm::acos(c / rho) - c * (rho2 - c * c).sqrt());
     (circle - outside) / square
 }
@@ -178,6 +181,7 @@ impl BlendStep {
         let mut drawn = 0;
         let mut levels = Vec::with_capacity(n + 1);
         for count in 0..=n {
+            // A peel takes a front and a back layer, and a lone fragment is a front one (docs/law/splat.md).
             let peeled = PEELS.min(count.div_ceil(2));
             while drawn < count - peeled {
                 let next = self.back_step(&back);
@@ -215,6 +219,7 @@ fn poisson_mean(values: &[f64], mean: f64) -> f64 {
     let at = |n: usize| values[n.min(values.len() - 1)];
     let reach = 8.0 * mean.sqrt() + 20.0;
     let middle = mean.floor() as usize;
+    // All likely counts lie beyond the table, where the level no longer changes.
     if middle as f64 - reach >= values.len() as f64 {
         return at(middle);
     }
@@ -233,6 +238,20 @@ fn poisson_mean(values: &[f64], mean: f64) -> f64 {
         total += weight;
     }
     sum / total
+}
+
+crate::named_values! {
+    /// Grey levels of optical depth or of a snapshot; scores are given for all (docs/law/response.md, "Looks").
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+    #[serde(rename_all = "kebab-case")]
+    pub enum ToneStyle {
+        /// ParaView 6.0's default: four-layer dual depth peeling, 8-bit blending, FXAA.
+        Paraview = "paraview",
+        /// The same without FXAA.
+        ParaviewNoFxaa = "paraview-no-fxaa",
+        /// 255 (1 - exp(-tau)).
+        Expected = "expected",
+    }
 }
 
 #[cfg(test)]

@@ -1,12 +1,12 @@
-//! A folder of files that belong together: whole or not at all.
+//! Files that belong together, all or none: a whole folder, or a set of files within one.
 
-use super::identity::Identity;
 use super::names::is_temporary;
-use super::place::{OutputTarget, folder_of};
+use super::place::{Identity, OutputTarget, folder_of};
 use super::state::{CHANGED, PathState, PlannedOutput, changed, free_name};
-use super::temporary::{TemporaryFolder, is_unsupported, rename_new, swap};
-use super::write::check_folder;
+use super::temporary::{TemporaryFile, TemporaryFolder, is_same, is_unsupported, rename_new, swap};
+use super::write::{check_folder, write_bytes};
 use crate::{Error, Result};
+use std::fs::File;
 use std::io::ErrorKind::{AlreadyExists, DirectoryNotEmpty, NotADirectory};
 use std::path::{Path, PathBuf};
 
@@ -44,6 +44,7 @@ impl WholeFolder {
         for entry in std::fs::read_dir(&target).map_err(|e| Error::io(out, e))? {
             let entry = entry.map_err(|e| Error::io(out, e))?;
             let name = entry.file_name();
+            // What another run is about to write is no content yet.
             if is_temporary(&name) {
                 continue;
             }
@@ -75,10 +76,12 @@ impl WholeFolder {
         }
         let beside = TemporaryFolder::within(folder_of(&target));
         let (staged, way) = match beside {
+            // The working folder is not replaced: this process would stay in the old one.
             Ok(staged) if !here && (!is_there || same_disk(staged.path(), &target)) => {
                 (staged, if filled { MoveMethod::Exchange } else { MoveMethod::Rename })
             }
             Err(e) if !is_there || filled => return Err(fail(e)),
+            // A mount point can be neither renamed nor exchanged.
             _ if filled => return Err(fail(std::io::ErrorKind::CrossesDevices.into())),
             _ => (TemporaryFolder::within(&target).map_err(fail)?, MoveMethod::Inside),
         };
@@ -123,6 +126,7 @@ impl WholeFolder {
             Ok(()) => {
                 let old = self.staged.path().to_path_buf();
                 self.staged.moved();
+                // Looked at after the exchange: by its name nobody reaches the old folder any more.
                 if PathState::at(&old)? != self.before {
                     swap(&old, &self.target)?;
                     self.staged = TemporaryFolder::from_path(old);
@@ -189,5 +193,69 @@ fn same_disk(a: &Path, b: &Path) -> bool {
     match (Identity::from_path(a), Identity::from_path(b)) {
         (Identity::There(a, _), Identity::There(b, _)) => a == b,
         _ => true,
+    }
+}
+
+/// Several files that one step makes. They are written to a folder of their own within their folder, and moved to their
+/// places together.
+pub struct FileSet {
+    folder: PathBuf,
+    staged: TemporaryFolder,
+}
+
+impl FileSet {
+    /// Files for `folder`, which is there.
+    pub fn in_folder(folder: &Path) -> Result<FileSet> {
+        let staged = TemporaryFolder::within(folder).map_err(|e| Error::io(folder, e))?;
+        Ok(FileSet { folder: folder.to_path_buf(), staged })
+    }
+
+    pub fn path(&self) -> &Path {
+        self.staged.path()
+    }
+
+    /// The places of the files that have been written, in the order of their names.
+    pub fn places(&self) -> Result<Vec<PathBuf>> {
+        let fail = |e| Error::io(&self.folder, e);
+        let entries = std::fs::read_dir(self.staged.path()).map_err(fail)?;
+        let names = entries.map(|e| e.map(|e| self.folder.join(e.file_name())));
+        let mut places = names.collect::<std::io::Result<Vec<_>>>().map_err(fail)?;
+        places.sort();
+        Ok(places)
+    }
+
+    /// Moves them to their places, over what is there; gives the places.
+    pub fn finish(self) -> Result<Vec<PathBuf>> {
+        let places = self.places()?;
+        for place in &places {
+            // All places are looked at before the first file is moved.
+            if let (Some(planned), OutputTarget::File(target)) = (PlannedOutput::find(place), OutputTarget::new(place)?)
+                && planned.replaceable(&target).map_err(|e| Error::io(place, e))?.is_none()
+                && !File::open(self.staged_at(place)).is_ok_and(|mut file| is_same(&mut file, &target))
+            {
+                return Err(Error::output(place, CHANGED, "run the command again, or name another place"));
+            }
+        }
+        for place in &places {
+            moved(self.staged_at(place), place)?;
+        }
+        Ok(places)
+    }
+
+    fn staged_at(&self, place: &Path) -> PathBuf {
+        self.staged.path().join(place.file_name().unwrap_or_default())
+    }
+}
+
+fn moved(from: PathBuf, to: &Path) -> Result<()> {
+    let fail = |e| Error::io(to, e);
+    let written = || write_bytes(to, &std::fs::read(&from).map_err(fail)?);
+    match OutputTarget::new(to)? {
+        OutputTarget::File(target) => match TemporaryFile::open(from.clone()).map_err(fail)?.place(to, &target) {
+            // Behind a link to another disk.
+            Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::CrossesDevices => written(),
+            done => done,
+        },
+        _ => written(),
     }
 }

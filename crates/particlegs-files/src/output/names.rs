@@ -18,10 +18,12 @@ pub fn is_temporary(name: &std::ffi::OsStr) -> bool {
 /// A free name in `folder`.
 pub(super) fn new_name(folder: &Path) -> PathBuf {
     static NUMBER: AtomicU64 = AtomicU64::new(0);
+    // What is named after an unknown machine is never swept.
     let (machine, process) = (MACHINE.as_deref().unwrap_or("unknown"), std::process::id());
     loop {
         let number = NUMBER.fetch_add(1, Ordering::Relaxed);
         let path = folder.join(format!("{PREFIX}{machine}-{process}.{number}{SUFFIX}"));
+        // A link takes the name even where it leads nowhere.
         if std::fs::symlink_metadata(&path).is_err() {
             return path;
         }

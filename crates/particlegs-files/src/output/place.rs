@@ -1,9 +1,10 @@
-//! The target of a path that is to be written: a regular file behind any links, or a stream.
+//! The target of a path that is to be written: a regular file behind any links, or a stream; and the one file that
+//! paths of different spelling are.
 
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 pub const STANDARD_OUTPUT: &str = "-";
 
@@ -91,6 +92,7 @@ pub(super) fn open_stream(path: &Path) -> std::io::Result<File> {
 /// The number of the open descriptor of this process that `path` is a name of, such as `/dev/fd/3`.
 fn descriptor(path: &Path) -> Option<u32> {
     let number = path.file_name()?.to_str()?.parse().ok()?;
+    // Of the folder alone: the path would be followed to the file behind the descriptor.
     let folder = std::fs::canonicalize(folder_of(path)).ok()?;
     let pid = std::process::id();
     let ours = [format!("/proc/{pid}/fd"), format!("/proc/{pid}/task/{pid}/fd"), "/dev/fd".to_string()];
@@ -102,4 +104,67 @@ pub(super) fn folder_of(path: &Path) -> &Path {
         Some(p) if !p.as_os_str().is_empty() => p,
         _ => Path::new("."),
     }
+}
+
+/// One file or folder, there or still to be made, whatever the spelling, links and letter case of its path.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Identity {
+    /// A file, folder or pipe that is there: its device and number.
+    There(u64, u64),
+    /// One that is not there: the whole path to it.
+    Free(PathBuf),
+    StandardOutput,
+}
+
+impl Identity {
+    /// Of an output; none of a device, which several outputs may share.
+    pub fn from_target(place: &OutputTarget) -> Option<Identity> {
+        match place {
+            OutputTarget::StandardOutput => Some(Identity::StandardOutput),
+            OutputTarget::File(path) => Some(Identity::from_path(path)),
+            OutputTarget::Stream(path) => is_pipe(path).then(|| Identity::from_path(path)),
+        }
+    }
+
+    /// Of a path; links are followed.
+    pub fn from_path(path: &Path) -> Identity {
+        #[cfg(unix)]
+        if let Ok(metadata) = std::fs::metadata(path) {
+            use std::os::unix::fs::MetadataExt;
+            return Identity::There(metadata.dev(), metadata.ino());
+        }
+        Identity::Free(spelled_out(path))
+    }
+}
+
+/// Whether this is a named pipe, or the name of an open one.
+pub(super) fn is_pipe(path: &Path) -> bool {
+    #[cfg(unix)]
+    return std::fs::metadata(path).is_ok_and(|m| std::os::unix::fs::FileTypeExt::is_fifo(&m.file_type()));
+    #[cfg(not(unix))]
+    return {
+        let _ = path;
+        false
+    };
+}
+
+/// The whole path to something, with the links of the folders that are there followed.
+pub(super) fn spelled_out(path: &Path) -> PathBuf {
+    if let Ok(path) = std::fs::canonicalize(path) {
+        return as_compared(path);
+    }
+    let folder = match folder_of(path) {
+        folder if folder == path => PathBuf::from("."),
+        folder => spelled_out(folder),
+    };
+    match path.components().next_back() {
+        Some(Component::ParentDir) => folder.parent().unwrap_or(&folder).to_path_buf(),
+        Some(Component::Normal(name)) => as_compared(folder.join(name)),
+        _ => folder,
+    }
+}
+
+/// The path as names are compared: without upper case where disks usually tell none from lower case.
+fn as_compared(path: PathBuf) -> PathBuf {
+    if cfg!(any(windows, target_os = "macos")) { path.to_string_lossy().to_lowercase().into() } else { path }
 }

@@ -1,7 +1,7 @@
-//! A file whose length is known, written in parts.
+//! Files whose length is known before the work: outputs written in parts, scratch files, and the room on the disk that
+//! they take.
 
 use super::place::{OutputTarget, folder_of};
-use super::space::check_space;
 use super::temporary::TemporaryFile;
 use crate::{Error, Result};
 use std::fs::File;
@@ -54,6 +54,7 @@ impl PlacedFile {
         let fail = |e| Error::io(&self.out, e);
         match self.target {
             FileDestination::File(temporary, path) => {
+                // Else the name could survive a crash of the machine and the bytes not.
                 temporary.file().sync_all().map_err(fail)?;
                 temporary.place(&self.out, &path)
             }
@@ -84,5 +85,45 @@ pub fn write_at(file: &File, mut bytes: &[u8], mut offset: u64) -> std::io::Resu
         bytes = &bytes[n..];
         offset += n as u64;
     }
+    Ok(())
+}
+
+/// A new file of `bytes` zeros without a name in `folder`, gone when the process is; its blocks are taken where the file
+/// system can: writing into it does not find the disk full.
+pub fn scratch_file(folder: &Path, bytes: u64) -> std::io::Result<File> {
+    let file = tempfile::tempfile_in(folder)?;
+    #[cfg(target_os = "linux")]
+    {
+        use rustix::io::Errno;
+        match rustix::fs::fallocate(&file, rustix::fs::FallocateFlags::empty(), 0, bytes) {
+            // On such a disk blocks are taken as they are written.
+            Err(Errno::OPNOTSUPP | Errno::NOSYS) => {}
+            taken => return Ok(taken.map(|()| file)?),
+        }
+    }
+    file.set_len(bytes)?;
+    Ok(file)
+}
+
+/// Says before the work that the disk of `folder` has no room for `bytes`.
+pub fn check_space_in(folder: &Path, bytes: u64) -> Result<()> {
+    check_space(folder, bytes).map_err(|e| Error::io(folder, e))
+}
+
+/// Says before the work that the disk is too small, rather than after half of it.
+#[cfg(unix)]
+pub fn check_space(folder: &Path, bytes: u64) -> std::io::Result<()> {
+    let disk = rustix::fs::statvfs(folder)?;
+    // Not `f_bfree`, which counts what is kept for root.
+    let free = disk.f_bavail.saturating_mul(disk.f_frsize);
+    if free < bytes {
+        let message = format!("the output needs {bytes} bytes, but the disk has only {free} free");
+        return Err(std::io::Error::new(std::io::ErrorKind::StorageFull, message));
+    }
+    Ok(())
+}
+
+#[cfg(not(unix))]
+pub fn check_space(_: &Path, _: u64) -> std::io::Result<()> {
     Ok(())
 }

@@ -1,11 +1,9 @@
 //! Inputs and outputs of a command, known before the work: no output is an input, none is another's
 //! place, and an existing file is replaced only if that was meant.
 
-use super::ending::ending;
 use super::folder::WholeFolder;
-use super::identity::{Identity, is_pipe, spelled_out};
-use super::kind::Kind;
-use super::place::{OutputTarget, open_stream};
+use super::kind::{Kind, ending};
+use super::place::{Identity, OutputTarget, is_pipe, open_stream, spelled_out};
 use super::state::PlannedOutput;
 use super::write::check_writable;
 use crate::context::Context;
@@ -91,6 +89,7 @@ impl Outputs {
                     let message = format!("exists and is not {}", kind.name);
                     return Err(Error::output(path, message, "name another file; this one is left unchanged"));
                 }
+                // An empty file holds nothing to keep.
                 let empty = target.metadata().is_ok_and(|m| m.len() == 0);
                 kind.kept && !self.replaces() && !empty
             }
@@ -142,6 +141,7 @@ impl Outputs {
         self.take(path, &OutputTarget::File(target.clone()))?;
         self.note(path, &target)?;
         let whole = spelled_out(&target);
+        // An input inside the folder would go with the old one.
         if lock(&self.inputs).iter().any(|input| spelled_out(input.path()).starts_with(&whole)) {
             return Err(is_input(path));
         }
@@ -209,6 +209,7 @@ impl Outputs {
                     lock(&self.pipes).push(file);
                     return Ok(());
                 }
+                // Nobody reads the pipe yet.
                 Err(e) if e.kind() == std::io::ErrorKind::NotConnected => {}
                 Err(e) => return Err(Error::io(path, e)),
             }
@@ -252,6 +253,7 @@ impl Input {
     }
 
     fn holds(&self, file: &Identity) -> bool {
+        // What is not there yet cannot be read.
         let Identity::There(..) = file else { return false };
         let (path, whole) = match self {
             Input::Data(path) => (path, false),

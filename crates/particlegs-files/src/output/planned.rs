@@ -86,6 +86,7 @@ impl Outputs {
         self.make_folder(folder)?;
         let set = FileSet::in_folder(folder)?;
         fill(set.path())?;
+        // The names are not known before the files are written.
         for place in set.places()? {
             let staged = set.path().join(place.file_name().unwrap_or_default());
             self.writes(&place, &kind_of(&place, &staged), context)?;

@@ -53,6 +53,7 @@ impl TemporaryFile {
             Some(before) => self.exchange(target, &before),
             None => Ok(false),
         };
+        // Another process that has written the same bytes does no harm.
         if !placed.map_err(fail)? && !is_same(&mut self.file, target) {
             let aside = free_name(target, |path| match self.place_new(path)? {
                 true => Ok(()),
@@ -66,6 +67,7 @@ impl TemporaryFile {
 
     /// Moves it to `target`, over what is there.
     pub fn replace(mut self, target: &Path) -> std::io::Result<()> {
+        // A file without a name gets one only where none is; over another a rename is needed.
         if self.name.is_some() || !self.place_new(target)? {
             std::fs::rename(self.named_beside(target)?, target)?;
             self.name = None;
@@ -108,6 +110,7 @@ impl TemporaryFile {
                 Ok(true)
             }
             Err(e) if is_unsupported(&e) => Ok(false),
+            // The old file has gone meanwhile.
             Err(e) if e.kind() == ErrorKind::NotFound => self.place_new(target),
             Err(e) => Err(e),
         }
@@ -235,6 +238,7 @@ fn nameless(folder: &Path) -> Option<File> {
     use rustix::fs::{Mode, OFlags};
     let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
     let file = File::from(rustix::fs::open(folder, flags, Mode::from_raw_mode(0o666)).ok()?);
+    // Without /proc the file could not be given a name.
     std::fs::symlink_metadata(descriptor(&file)).is_ok().then_some(file)
 }
 
@@ -246,6 +250,7 @@ fn nameless(_: &Path) -> Option<File> {
 #[cfg(target_os = "linux")]
 fn link(file: &File, path: &Path) -> std::io::Result<()> {
     use rustix::fs::{AtFlags, CWD, linkat};
+    // The path in /proc is a link to the file, which is what gets the name.
     Ok(linkat(CWD, descriptor(file), CWD, path, AtFlags::SYMLINK_FOLLOW)?)
 }
 

@@ -33,6 +33,7 @@ impl AbacusHeader {
         let positive = |key: &str| number(key).filter(|n| *n > 0.0);
         let text = |key: &str| header.get(key).and_then(TreeValue::text);
         let box_size = positive("BoxSize");
+        // The header names no unit: BoxSize is in the one whose own length is the same number.
         let is = |key: &str| box_size.zip(positive(key)).is_some_and(|(l, other)| (l / other - 1.0).abs() < 1e-6);
         let length = ["BoxSizeHMpc", "BoxSizeMpc"].into_iter().zip(["Mpc/h", "Mpc"]).find(|unit| is(unit.0));
         let masses = [(positive("ParticleMassHMsun"), "Msun/h"), (positive("ParticleMassMsun"), "Msun")];
@@ -72,6 +73,7 @@ impl AbacusHeader {
 /// Position (20 bits) and velocity (12 bits) along an axis, in one whole number; `box_size` gives the position.
 pub fn unpack_rvint(value: f64, box_size: Option<f64>) -> f64 {
     let bits = value as i32;
+    // Positions are stored in millionths of the box; the shift keeps their sign. Velocities span 6000 km/s either way.
     let unpacked = match box_size {
         Some(length) => f64::from(bits >> 12) * (length / 1e6),
         None => f64::from((bits & 0xfff) - 2048) * (6000.0 / 2048.0),
@@ -143,6 +145,7 @@ impl Pack9 {
             Ok((particles, cell))
         };
         let scanned: Vec<(u64, Option<Pack9Row>)> = parallel::try_map_range(stretches as usize, scan)?;
+        // No cell begins with 0: a particle before the first one is refused when it is read.
         let mut cell = [0; PACK9 as usize];
         for (particles, last) in scanned {
             pack.before.push(pack.before[pack.before.len() - 1] + particles);
@@ -192,6 +195,7 @@ impl Pack9 {
         let mut stretch = self.before.partition_point(|&n| n <= particles.start).saturating_sub(1);
         while stretch < self.cells.len() && self.before[stretch] < particles.end {
             let mut particle = self.before[stretch];
+            // The cell of the first particles may begin in a stretch before this one.
             let mut stored = self.cells[stretch];
             let mut cell = None;
             self.each_row(stretch as u64, |row| {

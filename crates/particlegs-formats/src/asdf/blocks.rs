@@ -37,6 +37,7 @@ pub struct AsdfBlockHeader {
 /// The headers of all blocks behind the tree, which ends at byte `at`.
 pub fn headers(bytes: &[u8], mut at: usize) -> TextResult<Vec<AsdfBlockHeader>> {
     let mut all = Vec::new();
+    // The standard allows padding between the tree and the first block.
     at += memchr::memmem::find(&bytes[at..], &MAGIC).unwrap_or(bytes.len() - at);
     while bytes[at..].starts_with(&MAGIC) {
         let number = all.len();
@@ -214,6 +215,7 @@ fn first<'a>(stream: &dyn Fn() -> Box<dyn Read + 'a>, packed: u64, [size, needed
     let damaged = |e: std::io::Error| format!("its data are damaged: {e}");
     let other = || format!("its header says {size} bytes, the data hold others");
     let is_usual = is_usual(size, packed);
+    // One byte more than the header says shows a stream that is too long.
     let all = || stream().take(size.saturating_add(1));
     if !is_usual && std::io::copy(&mut all(), &mut std::io::sink()).map_err(damaged)? != size {
         return Err(other());

@@ -178,6 +178,7 @@ impl AsdfFile {
     }
 
     fn block(&self, number: usize) -> Result<Arc<AsdfBlock>> {
+        // The lock is held while the block is decompressed, so that two readers do not do it twice.
         let mut slot = self.blocks[number].lock().unwrap_or_else(|e| e.into_inner());
         if let Some(block) = &*slot {
             return Ok(block.clone());
@@ -271,6 +272,7 @@ impl AsdfSnapshot {
         let described = |part: &AsdfPart| part.fields.iter().map(|f| f.described.clone()).collect::<Vec<_>>();
         let all: Vec<Vec<SpeciesField>> = parts.iter().map(described).collect();
         let (path, abacus) = (paths[0].clone(), parts[0].file.abacus.clone());
+        // A field is read through all files: one that a file lacks cannot be offered.
         parts[0].fields.retain(|f| all.iter().all(|fields| fields.contains(&f.described)));
         let count = parts.iter().try_fold(0u64, |sum, p| sum.checked_add(p.rows));
         let count = count.ok_or_else(|| Error::input(&path, "too many particles to count"))?;
@@ -371,6 +373,7 @@ impl AsdfFile {
 fn piece(path: &Path, rows: u64, columns: Vec<AsdfColumn>) -> Result<Box<dyn ParticlePiece>> {
     let plain = |column: &AsdfColumn| match column {
         AsdfColumn::Numbers(block, lane) => {
+            // All columns must lie in the same bytes: mapped blocks do, decompressed ones have bytes of their own.
             let (bytes, start) = block.plain().filter(|plain| matches!(plain.0, Bytes::Mapped(_)))?;
             Some((bytes.clone(), StridedColumn { offset: lane.offset + start, ..*lane }))
         }
@@ -397,6 +400,7 @@ impl ParticlePiece for AsdfPiece {
     }
 
     fn is_wide(&self) -> bool {
+        // Packed positions become f32 as they are unpacked.
         self.columns.iter().take(3).any(|c| matches!(c, AsdfColumn::Numbers(_, lane) if lane.kind.is_wide()))
     }
 
@@ -423,6 +427,7 @@ fn append(block: &AsdfBlock, lane: &StridedColumn, rows: Range<u64>, out: &mut V
     while row < rows.end {
         let end = rows.end.min(row.saturating_add(blocks::rows_at_once(lane.stride)));
         let start = lane.offset + row * lane.stride;
+        // The last row need not have a whole stride behind it.
         let bytes = block.read(start..start + (end - 1 - row) * lane.stride + lane.kind.bytes())?;
         StridedColumn { offset: 0, ..*lane }.append(&bytes, 0..end - row, out);
         row = end;

@@ -1,7 +1,6 @@
 //! Lists of centres: tables with x, y, z and perhaps a radius, as halo finders and people write them.
 
-use super::guess::Guess;
-use super::names::{ColumnName, positions};
+use super::guess::{ColumnName, Guess, positions};
 use crate::text::split::{number_with, shown, tokens};
 use particlegs_core::Error;
 use particlegs_core::context::Context;
@@ -78,6 +77,7 @@ impl Catalogue {
             let word = tokens(line, guess.layout.separator).get(chosen.id?).copied()?;
             std::str::from_utf8(word).ok()?.trim().parse().ok()
         };
+        // One row without a whole number shows that the column does not number haloes.
         let ids = rows().map(id).collect::<Option<Vec<u64>>>();
         let header = CatalogueHeader::new(&guess.remarks);
         let CatalogueHeader { scale_factor, hubble, .. } = header;
@@ -144,6 +144,7 @@ impl Catalogue {
                 notes.push(format!("the header states a box of {length} {unit}, but the snapshot's box is {x} x {y} x {z}{unit_text}: they may come from different runs"));
             }
         }
+        // Without a unit of the snapshot centres stay as they are, and radii take the centres' unit.
         let radius = match to.units.length_text() {
             Some(_) => radii.conversion(to)?.length,
             None => radii.conversion(&places)?.length,
@@ -251,6 +252,7 @@ impl CatalogueHeader {
             let place = match () {
                 _ if radii && !positions => &mut header.radii,
                 _ if positions && !radii => &mut header.positions,
+                // The units of these lengths say nothing about those of centres.
                 _ if says(&["box", "particle mass", "resolution", "softening"]) => continue,
                 _ => &mut header.all,
             };

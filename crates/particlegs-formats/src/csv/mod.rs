@@ -4,7 +4,6 @@
 mod catalogue;
 mod centres;
 mod guess;
-mod names;
 
 pub use catalogue::Catalogue;
 
@@ -17,8 +16,7 @@ use crate::text::lines::LineReader;
 use crate::text::snapshot::{TableColumns, TextSnapshot, kinds};
 use crate::text::table::TableBuilder;
 use crate::{Choice, Description, Format, Snapshot, SpeciesField};
-use guess::Guess;
-use names::ColumnName;
+use guess::{ColumnName, Guess};
 use particlegs_core::model::Units;
 use particlegs_core::{Error, Result};
 use particlegs_particles::SnapshotMeta;
@@ -41,6 +39,7 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     let content = TextContent::open(path)?;
     let mut lines = LineReader::open(&content, TextPosition::START, None)?;
     let first = lines.block()?.unwrap_or(&[]);
+    // The guess sees as much as detection does, so that both agree.
     let whole = first.len() < 1 << 16;
     let guess = Guess::new(&first[..first.len().min(1 << 16)], whole).map_err(|message| Error::input(path, message))?;
     lines.pass(guess.rows_after, |_, _| Ok(()))?;
@@ -69,7 +68,7 @@ fn columns(guess: &Guess, kinds: &[&'static str]) -> TableColumns {
     };
     let of_numbers: Vec<usize> = (0..names.len()).filter(|&c| kinds[c] != "text").collect();
     let positions = match (guess.named, &of_numbers[..]) {
-        (true, _) => names::positions(names),
+        (true, _) => guess::positions(names),
         (false, _) => match of_numbers.get(guess.first_column..) {
             Some(&[x, y, z, ..]) => Some([x, y, z]),
             _ => None,

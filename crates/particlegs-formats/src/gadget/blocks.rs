@@ -1,8 +1,7 @@
 //! One file of a snapshot: its header and where each block lies.
 
-use super::header::{GadgetHeader, HEADER, TYPES};
+use super::header::{GadgetHeader, GadgetRecord, HEADER, Records, TYPES};
 use super::order;
-use super::records::{GadgetRecord, Records};
 use crate::numbers::{Bytes, NumberType, StridedColumn};
 use particlegs_core::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -143,11 +142,13 @@ impl GadgetFile {
         let count = |types: &[bool; TYPES]| -> u64 {
             (0..TYPES).filter(|&t| types[t]).map(|t| u64::from(self.header.count[t])).sum()
         };
+        // Codes write all real numbers in the precision of the positions: that is tried first.
         let real = self.block("POS").map_or(NumberType::F32, |b| b.kind);
         let reals = [real, if real == NumberType::F32 { NumberType::F64 } else { NumberType::F32 }];
         let (all, gas) = ([true; TYPES], [true, false, false, false, false, false]);
         let without_table = self.header.mass.map(|m| m == 0.0);
         let (stars, gas_stars) = ([false, false, false, false, true, false], [true, false, false, false, true, false]);
+        // The first layout whose length fits is taken, the most usual one first.
         let (sets, components, kinds): (&[[bool; TYPES]], &[u32], [NumberType; 2]) = match name {
             "POS" | "VEL" | "ACCE" => (&[all], &[3], reals),
             name if name.starts_with("ID") => (&[all], &[1], [NumberType::U32, NumberType::U64]),

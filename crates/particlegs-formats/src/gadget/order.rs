@@ -1,7 +1,6 @@
 //! Names for the blocks of format 1: they have none, and codes write more of them than Gadget did.
 
-use super::header::{GadgetHeader, TYPES};
-use super::records::{GadgetRecord, Records};
+use super::header::{GadgetHeader, GadgetRecord, Records, TYPES};
 use crate::numbers::NumberType;
 use particlegs_core::{Error, Hint, Result};
 use std::path::Path;
@@ -50,6 +49,7 @@ pub fn names(path: &Path, header: &GadgetHeader, file: Records<'_>, records: &[G
         }
         order.identities_and_masses()?;
         let cooling = ["U", "RHO", "NE", "NH", "HSML"];
+        // Cooling writes the electron and hydrogen fractions between density and smoothing length.
         for name in if header.cooling { &cooling[..] } else { &["U", "RHO", "HSML"] } {
             if order.next().is_some_and(|r| fits(r, gas)) {
                 order.take(name);
@@ -94,6 +94,7 @@ impl BlockOrder<'_> {
         let end = mass.unwrap_or_else(|| {
             let whole = |i: &usize| match self.values(&self.records[*i], self.all) {
                 Values::Whole => true,
+                // Where all particles are gas, zeros may as well be the first field of gas.
                 Values::Zero => self.gas != self.all,
                 _ => *i == start,
             };

@@ -74,6 +74,7 @@ impl GenericIoFile {
         })?;
         let header = checked_header(path, &bytes, big_endian)?;
         let field = |at: u64| header.int(at);
+        // Bytes of the global header, which grew with the versions of the format.
         let global = field(96)?;
         let three =
             |at: u64| -> Result<[f64; 3]> { Ok([header.real(at)?, header.real(at + 8)?, header.real(at + 16)?]) };
@@ -114,6 +115,7 @@ impl GenericIoFile {
         let length = count.checked_mul(self.variables[variable].size);
         let column = match self.blocks {
             None => {
+                // A rank's columns follow each other, each with its checksum behind it.
                 let skipped = count.checked_mul(self.before[variable]);
                 let start =
                     skipped.and_then(|n| n.checked_add(CRC * variable as u64)).and_then(|n| n.checked_add(start));
@@ -233,6 +235,7 @@ impl HeaderBytes<'_> {
         let variable = |i: u64| {
             let at = start + i * size;
             let (flags, bytes) = (self.int(at + 256)?, self.int(at + 264)?);
+            // Bits of the flags: 1 for real numbers, 2 for signed ones, then one each for x, y and z.
             let kind = match flags & 1 {
                 1 => NumberType::float(bytes),
                 _ => NumberType::integer(bytes, flags & 2 != 0),

@@ -5,10 +5,10 @@
 
 mod header;
 mod ranks;
-mod split;
 
 use crate::axes::{self, FieldComponent};
 use crate::cache::DEFAULT_BYTES;
+use crate::numbers::NumberType;
 use crate::pieces::{ParticlePiece, PieceReader};
 use crate::single_file::named;
 use crate::{Choice, Description, Format, Snapshot, Species, SpeciesField, SpeciesMass};
@@ -17,6 +17,7 @@ use particlegs_core::space::Cell;
 use particlegs_core::{Error, Result};
 use particlegs_particles::{SnapshotMeta, SnapshotReader};
 use ranks::Ranks;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -34,7 +35,7 @@ struct GenericIo {
 
 impl GenericIo {
     fn open(paths: &[PathBuf]) -> Result<GenericIo> {
-        let files = split::open(paths)?;
+        let files = open(paths)?;
         let description = describe(&paths[0], &files)?;
         Ok(GenericIo { files: files.into_iter().map(Arc::new).collect(), description })
     }
@@ -50,6 +51,7 @@ fn describe(path: &Path, files: &[GenericIoFile]) -> Result<Description> {
     // Truncation is reported before anything is read.
     files.iter().try_for_each(|f| f.check())?;
     let ranks: usize = files.iter().map(|f| f.ranks.len()).sum();
+    // The first rank stands for all: files of big runs have a million.
     let compressed = (0..first.ranks.len().min(1))
         .any(|r| (0..first.variables.len()).any(|v| first.column(r, v).is_ok_and(|c| c.blosc)));
     let order = if first.big_endian { "big-endian" } else { "little-endian" };
@@ -112,6 +114,77 @@ impl Snapshot for GenericIo {
         }
         Ok(Box::new(PieceReader::new(self.description.meta.clone(), pieces, columns.len() > 3)?))
     }
+}
+
+/// The column of a map.
+const PARTITION: &str = "$partition";
+
+/// Snapshots in several files: `name` maps ranks to partitions, which `name#0`, `name#7`, ... hold.
+fn open(paths: &[PathBuf]) -> Result<Vec<GenericIoFile>> {
+    let whole = whole_of(&paths[0]);
+    let first = GenericIoFile::open(&whole)?;
+    let Some(partition) = first.variable(PARTITION) else {
+        return match paths.iter().find(|p| **p != whole) {
+            Some(other) => Err(Error::input_with(
+                other,
+                format!("a second file was named, but {} is a whole snapshot", whole.display()),
+                "name one snapshot at a time",
+            )),
+            None => Ok(vec![first]),
+        };
+    };
+    let parts: Vec<PathBuf> = partitions(&first, partition)?.iter().map(|p| part(&whole, *p)).collect();
+    if let Some(alien) = paths.iter().find(|p| **p != whole && !parts.contains(p)) {
+        let message = format!("{} does not list this file", whole.display());
+        return Err(Error::input_with(alien, message, "name one snapshot at a time"));
+    }
+    let open = |path: &PathBuf| {
+        if path.exists() {
+            return GenericIoFile::open(path);
+        }
+        let message = format!("this file is missing: {} lists it as part of the snapshot", whole.display());
+        Err(Error::input_with(path, message, "put all files of the snapshot into one folder"))
+    };
+    let files: Vec<GenericIoFile> = parts.iter().map(open).collect::<Result<_>>()?;
+    if files.is_empty() {
+        return Err(Error::input(&whole, "the map lists no files"));
+    }
+    if let Some(odd) = files.iter().find(|f| f.scale != files[0].scale || f.origin != files[0].origin) {
+        return Err(Error::input(&odd.path, format!("the box differs from that of {}", files[0].path.display())));
+    }
+    Ok(files)
+}
+
+fn part(whole: &Path, number: i64) -> PathBuf {
+    PathBuf::from(format!("{}#{number}", whole.display()))
+}
+
+/// `name` for `name#7` where there is such a file.
+fn whole_of(path: &Path) -> PathBuf {
+    let text = path.to_string_lossy();
+    match text.rsplit_once('#') {
+        Some((stem, number)) if number.parse::<u32>().is_ok() && Path::new(stem).is_file() => stem.into(),
+        _ => path.to_path_buf(),
+    }
+}
+
+fn partitions(map: &GenericIoFile, variable: usize) -> Result<BTreeSet<i64>> {
+    let mut out = BTreeSet::new();
+    for (r, rank) in map.ranks.iter().enumerate() {
+        let column = map.column(r, variable)?;
+        let kind =
+            map.variables[variable].kind.filter(|k| matches!(k, NumberType::I32 | NumberType::I64 | NumberType::U32));
+        let kind = kind.filter(|_| !column.blosc);
+        let kind = kind.ok_or_else(|| Error::input(&map.path, "the map of ranks has an unknown layout"))?;
+        for i in 0..rank.count {
+            let at = (column.start + i * kind.bytes()) as usize;
+            out.insert(kind.get(&map.bytes[at..], map.big_endian) as i64);
+            if out.len() > 65_536 {
+                return Err(Error::input(&map.path, "the map lists more than 65536 files"));
+            }
+        }
+    }
+    Ok(out)
 }
 
 #[cfg(test)]

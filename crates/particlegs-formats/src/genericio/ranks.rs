@@ -61,6 +61,7 @@ impl Ranks {
 
     /// The checksums of a rank's columns, verified once.
     pub fn check(&self, rank: usize) -> Result<()> {
+        // An error cannot be kept to be given again: a second look makes it anew.
         if *self.checked[rank].get_or_init(|| self.verify(rank).is_ok()) { Ok(()) } else { self.verify(rank) }
     }
 
@@ -112,6 +113,7 @@ impl Ranks {
         if chunk.blocks() as u64 > MOST_BLOCKS {
             return Err(fault(format!("blocks of only {} bytes", chunk.block)));
         }
+        // A rank has four columns at most: x, y, z and weights.
         let first_key = (4 * rank + index) as u64 * MOST_BLOCKS;
         let each = chunk.block as u64 / size;
         let lane = StridedColumn { offset: 0, stride: size, kind, big_endian: self.file.big_endian };

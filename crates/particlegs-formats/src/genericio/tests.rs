@@ -86,7 +86,7 @@ fn both_byte_orders_and_several_ranks() {
 
 /// One rank of unsigned integers, each column a chunk that blosc wrote (`blosc::chunks`).
 fn compressed(name: &str) -> Vec<u8> {
-    let (_, n, chunk) = crate::blosc::chunks::chunks().find(|c| c.0 == name && c.1 == 256).unwrap();
+    let (_, n, chunk) = crate::blosc::chunks().find(|c| c.0 == name && c.1 == 256).unwrap();
     let mut m = FileBuilder { big_endian: false, bytes: b"HACC01L\0".to_vec() };
     let n = u64::from(n);
     let blocks = 168 + 272 * 3 + 48;

@@ -112,6 +112,7 @@ impl PackedBits<'_> {
 pub fn unpack(head: &PackedHead, packed: &[u8], atoms: usize, out: &mut Vec<u8>) -> TextResult<()> {
     let full = FullPosition::new(head)?;
     let mut small = head.small;
+    // GROMACS multiplies by the inverse, too: a division would give other last bits.
     let step = 1.0 / head.precision;
     let mut bits = PackedBits { bytes: packed, ahead: 0, waiting: 0 };
     let short = || "its compressed positions end early".to_string();
@@ -141,6 +142,7 @@ pub fn unpack(head: &PackedHead, packed: &[u8], atoms: usize, out: &mut Vec<u8>)
             return Err("its compressed positions are those of more atoms".into());
         }
         done += run + 1;
+        // With neighbours, it is written behind the first of them, below.
         if run == 0 {
             push(before);
         }

@@ -83,6 +83,7 @@ impl XtcFrame {
         let mut out = Vec::with_capacity(12 * self.atoms as usize);
         match &self.packed {
             Some(head) => unpack(head, stored, self.atoms as usize, &mut out)?,
+            // XDR is big-endian.
             None => stored.chunks_exact(4).for_each(|word| out.extend(word.iter().rev())),
         }
         Ok(out)

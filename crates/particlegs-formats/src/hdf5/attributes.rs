@@ -1,4 +1,4 @@
-//! Attributes as numbers or text.
+//! Attributes as numbers or text, and the groups whose attributes say something about a snapshot.
 
 use crate::numbers::NumberType;
 use hdf5_reader::{Attribute, ByteOrder, Datatype};
@@ -100,4 +100,18 @@ impl Attributes {
     pub fn from_numbers(numbers: &[(&str, f64)]) -> Self {
         Attributes(numbers.iter().map(|&(n, v)| (n.to_string(), AttributeValue::Numbers(vec![v]))).collect())
     }
+}
+
+#[derive(Clone, Default)]
+pub struct HeaderGroups {
+    /// `Header`.
+    pub header: Attributes,
+    /// `Parameters` (Gadget-4, AREPO, SWIFT).
+    pub parameters: Attributes,
+    /// `Config` (Gadget-4, AREPO).
+    pub config: Attributes,
+    /// `Units` (SWIFT).
+    pub units: Attributes,
+    /// `Cosmology` (SWIFT).
+    pub cosmology: Attributes,
 }

@@ -66,6 +66,7 @@ pub fn chunk_bytes(parts: &[DataSetPart]) -> Option<(u64, u64)> {
         }
         _ => None,
     });
+    // Parts are decoded side by side: their bytes add up, their rows do not.
     chunked.reduce(|a, b| (a.0.max(b.0), a.1 + b.1))
 }
 

@@ -2,14 +2,20 @@
 //!
 //! Nothing outside this module and its neighbour `storage` sees the library. It is told to keep no
 //! data in memory, to follow no link to another file, and to bound what it reads at once.
+//!
+//! The library does not know the layout of virtual data sets: what it reads has each such layout rewritten as one
+//! chunk without axes, which no other data set has; its address says where the list of sources lies.
 
 use super::attributes::Attributes;
 use super::packed::PackedNumber;
-use super::virtual_layout::VirtualLayouts;
 use crate::numbers::NumberType;
-use hdf5_reader::error::Error as Hdf5Error;
+use hdf5_reader::checksum::jenkins_lookup3;
+use hdf5_reader::error::{Error as Hdf5Error, Result as Hdf5Result};
 use hdf5_reader::group::Group;
-use hdf5_reader::{ByteOrder, Dataset, Datatype, ExternalLinkResolver, Hdf5File, OpenOptions, StringSize};
+use hdf5_reader::messages::layout::DataLayout;
+use hdf5_reader::{
+    ByteOrder, Dataset, Datatype, ExternalLinkResolver, Hdf5File, OpenOptions, Storage, StorageBuffer, StringSize,
+};
 use particlegs_core::{Error, Result};
 use particlegs_files::input::MappedFile;
 use std::collections::BTreeSet;
@@ -121,6 +127,7 @@ impl Container {
             let Ok(groups) = self.group(&path).and_then(|g| g.groups().map_err(|e| broken(&self.place, &e))) else {
                 continue;
             };
+            // Links may form circles: the address tells groups that were seen under another name.
             for group in groups.into_iter().filter(|g| seen.insert(g.address())) {
                 if paths.len() < most {
                     paths.push(format!("{path}/{}", group.name()));
@@ -255,4 +262,59 @@ fn number_of(datatype: &Datatype) -> (Option<(NumberType, bool)>, String) {
         Datatype::Bitfield { .. } => return (None, "bits".into()),
     };
     (Some((kind, *order == ByteOrder::BigEndian)), kind.name().into())
+}
+
+/// A mapped file, with layouts of virtual data sets as the library can read them.
+struct VirtualLayouts(Arc<MappedFile>);
+
+impl Storage for VirtualLayouts {
+    fn len(&self) -> u64 {
+        self.0.len() as u64
+    }
+
+    fn read_range(&self, offset: u64, len: usize) -> Hdf5Result<StorageBuffer> {
+        let start = usize::try_from(offset).unwrap_or(usize::MAX);
+        let stored = StorageBuffer::from_shared_owner(self.0.clone(), start, len)?;
+        Ok(rewritten(&stored).map_or(stored, StorageBuffer::from_vec))
+    }
+}
+
+/// Part of an object's header with its layout rewritten; `None` where it has no layout of a virtual data set.
+fn rewritten(bytes: &[u8]) -> Option<Vec<u8>> {
+    let summed = bytes.starts_with(b"OHDR") || bytes.starts_with(b"OCHK");
+    let at = (8..bytes.len().saturating_sub(13)).find(|&at| {
+        let before = &bytes[at - 8..at];
+        let layout = if summed {
+            // Type 8 and a size of 14 bytes, then flags and perhaps two bytes of creation order.
+            before[4..7] == [8, 14, 0] || before[2..5] == [8, 14, 0]
+        } else {
+            // Headers of version 1 pad the size to 16, and have flags and three zeros.
+            before[..4] == [8, 0, 16, 0] && before[5..] == [0; 3]
+        };
+        // Version 4 or 5 of the layout, of the class that is virtual.
+        layout && matches!(bytes[at..at + 2], [4 | 5, 3])
+    })?;
+    let index = u32::from_le_bytes(bytes[at + 10..at + 14].try_into().ok()?);
+    let address = u64::from_le_bytes(bytes[at + 2..at + 10].try_into().ok()?);
+    // Both must fit one address of 64 bits.
+    let index = u16::try_from(index).ok().filter(|_| address < 1 << 48)?;
+    let mut out = bytes.to_vec();
+    // Version 4, chunks, no flags, no axes, sizes of one byte, index of a single chunk: its address follows.
+    out[at..at + 6].copy_from_slice(&[4, 2, 0, 0, 1, 1]);
+    out[at + 6..at + 14].copy_from_slice(&(address << 16 | u64::from(index)).to_le_bytes());
+    if summed {
+        let end = bytes.len() - 4;
+        // A header whose checksum was wrong before must stay so, for the library to see it.
+        if at + 14 > end || bytes[end..] != jenkins_lookup3(&bytes[..end]).to_le_bytes() {
+            return None;
+        }
+        let sum = jenkins_lookup3(&out[..end]).to_le_bytes();
+        out[end..].copy_from_slice(&sum);
+    }
+    Some(out)
+}
+
+/// Whether it is a virtual data set's layout as rewritten here.
+pub fn is_virtual(layout: &DataLayout) -> bool {
+    matches!(layout, DataLayout::Chunked { dims, .. } if dims.is_empty())
 }

@@ -113,6 +113,7 @@ pub fn plan(groups: &[OutGroup]) -> EncodedHeader {
     }
     for (g, s, set) in all {
         let tree = tree(set, trees[g][s], data[g][s]);
+        // The root is the last node of a tree.
         let top = (trees[g][s] + tree.len() as u64).saturating_sub(node_bytes(set));
         put(sets[g][s], set_header(set, top));
         put(trees[g][s], tree);

@@ -11,6 +11,7 @@ const MAX_FILES: u64 = 1 << 16;
 fn numbered(path: &Path) -> Option<(String, u64, String)> {
     let name = path.file_name()?.to_str()?;
     let parts: Vec<&str> = name.split('.').collect();
+    // The last number counts: names may hold others, as in `run.3.snap.0.hdf5`.
     let at = (1..parts.len()).rev().find(|&i| !parts[i].is_empty() && parts[i].bytes().all(|b| b.is_ascii_digit()))?;
     let number = parts[at].parse().ok()?;
     let rest: String = parts[at + 1..].iter().flat_map(|p| [".", p]).collect();

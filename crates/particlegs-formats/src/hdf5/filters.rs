@@ -113,6 +113,7 @@ impl Pipeline {
 }
 
 fn skipped(mask: u32, stage: usize) -> bool {
+    // The mask has 32 bits: filters beyond these always apply.
     stage < 32 && mask & (1 << stage) != 0
 }
 

@@ -265,6 +265,7 @@ fn row_of(
             continue;
         }
         let Some(moment) = wanted[k] else { continue };
+        // Mostly all elements are written at the same steps: then the list of moments need not be read.
         if frame < arrays && at_same_place[k] == Some(moment) {
             return Ok(Some(frame));
         }
@@ -279,6 +280,7 @@ fn rows_of(container: &Container, positions: (&str, u64), element: (&str, u64)) 
         let has = |group: &str| container.data_set(group, name).is_ok();
         if has(positions.0) && has(element.0) {
             let moments_of = |(group, count): (&str, u64)| moments(container, group, name, count);
+            // f64 has no total order for a set; equal moments have equal bits.
             let element_moments: BTreeSet<u64> = moments_of(element)?.into_iter().map(f64::to_bits).collect();
             return Ok(moments_of(positions)?.iter().map(|m| element_moments.contains(&m.to_bits())).collect());
         }
@@ -370,6 +372,7 @@ impl H5mdSnapshot {
                 continue;
             }
             let mut types = Vec::new();
+            // A reader always gives three columns.
             let choice = Choice { positions: Some("species,species,species".into()), ..Choice::default() };
             let reader = self.reader(0, &choice)?;
             let runs = reader.count().div_ceil(particlegs_particles::RUN as u64);

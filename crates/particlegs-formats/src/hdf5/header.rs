@@ -1,8 +1,7 @@
 //! Metadata from a snapshot's groups: counts, box, masses, time, cosmology.
 
-use super::attributes::Attributes;
+use super::attributes::{Attributes, HeaderGroups};
 use super::container::Container;
-use super::header_groups::HeaderGroups;
 use super::units;
 use crate::physical::{SAME_MOMENT, VelocityConvention, is_isolated};
 use particlegs_core::model::Cosmology;
@@ -152,6 +151,7 @@ impl Hdf5Header {
         let matter = self.cosmology().omega_matter;
         let is_isolated = || is_isolated(self.time(), redshift, matter, h.number(&["BoxSize"]));
         let is_swift = self.groups.units.has("Unit length in cgs (U_L)") || self.code().is_some_and(|c| c == "SWIFT");
+        // Otherwise the scale factor would be taken from Time, which may be a time.
         let known = redshift.is_some() || cosmological == Some(true);
         VelocityConvention {
             unit: units::velocity(&self.groups),
@@ -198,6 +198,7 @@ fn count(number: f64, name: &str, place: &str) -> Result<u64> {
 /// Low and high words of 32 bits. Codes that count in 64 bits have the whole number in the first.
 fn joined(low: Vec<u64>, high: &[u64]) -> Vec<u64> {
     let word = |(i, &n): (usize, &u64)| match high.get(i) {
+        // A larger high word would count more than 2^56 particles.
         Some(&h) if n <= u64::from(u32::MAX) && h <= u64::from(u32::MAX >> 8) => n | h << 32,
         _ => n,
     };

@@ -12,14 +12,12 @@ mod files;
 mod filters;
 mod h5md;
 mod header;
-mod header_groups;
 mod packed;
 mod reader;
 mod snapshot;
 mod storage;
 mod tables;
 mod units;
-mod virtual_layout;
 mod virtual_sets;
 mod write;
 

@@ -35,6 +35,7 @@ impl PackedNumber {
     /// From the bytes of a type's description. `None` for the machine's own types; an error, in words, for what is
     /// no number that f64 can hold.
     pub fn from_datatype(datatype: &[u8]) -> Result<Option<PackedNumber>, String> {
+        // As the format's specification lays out a type: class, flags, size, first bit and number of bits.
         let word = |at: usize| datatype.get(at..at + 2).map(|b| u32::from(u16::from_le_bytes([b[0], b[1]])));
         let byte = |at: usize| datatype.get(at).copied().map(u32::from);
         let read = || Some((byte(0)? & 15, byte(1)?, byte(2)?, word(4)?, word(8)?, word(10)?));
@@ -57,10 +58,12 @@ impl PackedNumber {
             8 => (sign, exponent.start, exponent.bits, mantissa.bits, low) == (63, 52, 11, 52, 1023),
             _ => false,
         };
+        // As in IEEE 754, the leading 1 of the mantissa is not stored.
         let normal = flags & 0x30 == 0x20 && high == 0;
         if plain && normal && offset == 0 && mantissa.start == 0 && bits == 8 * size {
             return Ok(None);
         }
+        // What is wider than f64 would be rounded without a word.
         let fits = exponent.within(8 * size) && mantissa.within(8 * size) && sign < 8 * size && exponent.bits <= 11;
         if class != 1 || !normal || !fits || low > 1023 {
             return Err(odd());

@@ -143,6 +143,7 @@ pub fn side_by_side(mut columns: Vec<Vec<DataSetPart>>) -> Result<Vec<Vec<DataSe
         let place = odd.first().map_or("", |p| &p.place);
         return Err(Error::input(place, format!("it has {} rows, but the positions have {rows}", count(odd))));
     }
+    // `pop` takes from the end.
     columns.iter_mut().for_each(|parts| parts.reverse());
     let mut pieces = Vec::new();
     while let Some(rows) = columns.iter().filter_map(|c| Some(c.last()?.count())).min() {
@@ -169,6 +170,7 @@ pub fn assemble(
 ) -> Result<Box<dyn SnapshotReader>> {
     let (rows, bytes) = tables.iter().flat_map(|t| chunk_bytes(t)).fold((0, 0), |a, b| (a.0.max(b.0), a.1.max(b.1)));
     let threads = particlegs_core::parallel::threads() as u64;
+    // As many rows of chunks as threads can work on, and the budget allows.
     let together = (BUDGET / bytes.max(1)).saturating_sub(1).clamp(1, threads.max(2));
     // Those that are kept, and one in two stages of its decoding.
     memory::require("decoding the chunks of this HDF5 file", (together + 3).saturating_mul(bytes))?;

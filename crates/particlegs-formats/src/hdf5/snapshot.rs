@@ -59,6 +59,7 @@ pub fn open(paths: &[PathBuf], options: &Choice) -> Result<Box<dyn Snapshot>> {
     if let [path] = paths
         && !first.groups()?.iter().any(|g| kind_of(&g.0).is_some())
     {
+        // The surest layouts first: marks, then names, then any array that may hold positions.
         if first.groups()?.iter().any(|g| g.0 == h5md::MARK) {
             return h5md::open(path, first, options);
         }
@@ -127,6 +128,7 @@ impl TypeGroup {
 fn rows_of(positions: &DataSet, place: &str) -> Result<u64> {
     match positions.shape[..] {
         [rows, 3] => Ok(rows),
+        // Codes write types without particles in any shape.
         [0, ..] => Ok(0),
         _ => {
             let message = format!("positions have the shape {}, not (N, 3)", positions.shape_text());
@@ -152,6 +154,7 @@ pub fn group_name(kind: usize) -> String {
 
 pub fn kind_of(group: &str) -> Option<usize> {
     let digits = group.strip_prefix("PartType")?;
+    // `PartType01` is none.
     digits.parse::<usize>().ok().filter(|&k| k < TYPES && digits.len() == k.to_string().len())
 }
 
@@ -300,6 +303,7 @@ impl SnapshotBuilder {
         let mut doubts = Vec::new();
         let cosmological = self.header.cosmological(&mut doubts);
         let convention = self.header.convention(cosmological);
+        // Where the positions' attributes say it, it does not matter that the header does not.
         if !self.found.iter().flatten().any(TypeGroup::says_comoving) {
             notes.append(&mut doubts);
         }

@@ -1,9 +1,8 @@
 //! Places of a data set's numbers: in one stretch of the file, in its description, or in chunks.
 
-use super::container::{Container, broken};
+use super::container::{Container, broken, is_virtual};
 use super::filters::Pipeline;
 use super::packed::PackedNumber;
-use super::virtual_layout::is_virtual;
 use crate::numbers::NumberType;
 use hdf5_reader::Dataset;
 use hdf5_reader::btree_v1::{BTreeV1Key, collect_btree_v1_leaves_storage};
@@ -126,7 +125,7 @@ pub fn table(container: &Container, group: &str, name: &str, frame: Option<u64>)
         }
         Some(DataLayout::Contiguous { address, size }) => finder.flat(*address, *size, bytes)?,
 
-        // A virtual layout comes as one of chunks (see `virtual_layout`): it is asked for before those.
+        // A virtual layout comes as one of chunks (see [`is_virtual`]): it is asked for before those.
         Some(layout) if is_virtual(layout) => {
             let hint = "copy it with h5py: `new[name] = old[name][:]`";
             return Err(Error::input_with(&place, "nested virtual data sets are not supported", hint));

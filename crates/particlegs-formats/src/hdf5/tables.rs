@@ -1,10 +1,9 @@
 //! HDF5 files without the groups of a simulation code: data sets `x`, `y`, `z` or `positions` at the top, or in a
 //! group at the top, each of which is a species then.
 
-use super::attributes::Attributes;
+use super::attributes::{Attributes, HeaderGroups};
 use super::container::{Container, DataSet, TOP};
 use super::header::TYPES;
-use super::header_groups::HeaderGroups;
 use super::reader::{self, FilePart, GroupSource};
 use super::units::{self, Simulation};
 use crate::foreign::{YT, python};

@@ -1,7 +1,6 @@
 //! Units: what a file says in centimetres, grams and powers of h and a, by name where it has one.
 
-use super::attributes::Attributes;
-use super::header_groups::HeaderGroups;
+use super::attributes::{Attributes, HeaderGroups};
 use crate::physical::SWIFT_CGS;
 use particlegs_core::model::{Dimension, Si, Unit};
 

@@ -1,7 +1,6 @@
 //! Virtual data sets: their rows lie in data sets of other files.
 
-use super::container::{Container, DataSet, TOP, broken};
-use super::virtual_layout::is_virtual;
+use super::container::{Container, DataSet, TOP, broken, is_virtual};
 use hdf5_reader::error::Result as Hdf5Result;
 use hdf5_reader::global_heap::GlobalHeapCollection;
 use hdf5_reader::io::Cursor;
@@ -150,6 +149,7 @@ impl Entries<'_> {
                 Error::input(self.place, "damaged HDF5 file: a source refers to a name that does not exist")
             })
         };
+        // Bit 0: the file is that of an earlier source. Bit 1: so is the name. Bit 2: it is this file.
         let file = match flags & 5 {
             0 => self.file(&cursor.read_null_terminated_string().map_err(failed)?)?.into(),
             1 => shared(cursor)?.file.clone(),

@@ -106,6 +106,7 @@ const STANDARD: [StandardField; 9] = [
 
 pub fn fields(particles: &SelectedParticles<'_>) -> Vec<Vec<OutField>> {
     let named = |field: &OutField| {
+        // A slash parts groups in HDF5, and the length of a link's name has one byte here.
         !field.name.is_empty() && field.name.len() <= 200 && !field.name.contains('/') && field.name != "."
     };
     let meta = particles.meta();
@@ -166,6 +167,7 @@ fn types(layers: &[Layer<Range<u64>>], out: &Path) -> Result<Vec<usize>> {
     };
     let mut types: Vec<Option<usize>> = layers.iter().map(type_of).collect();
     for i in 0..types.len() {
+        // Of two layers by the same number the first keeps it.
         if types[i].is_none() || types[..i].contains(&types[i]) {
             types[i] = ORDER.into_iter().find(|t| !types.contains(&Some(*t)));
         }

@@ -1,8 +1,7 @@
 //! LAMMPS data files, plain or compressed: a header with counts and the box, sections of atoms, masses, velocities:
 //! <https://docs.lammps.org/read_data.html>.
 
-use super::cell::LammpsBox;
-use super::frame::units_of;
+use super::frame::{LammpsBox, units_of};
 use crate::atoms::{AtomSnapshot, AtomSpecies, FieldBuffer};
 use crate::format::{FileHead, is_whole};
 use crate::single_file::{named, only};
@@ -150,6 +149,7 @@ impl LammpsData {
             return columns.ok_or_else(|| format!("atoms of style `{}` are not read", stated.escape_debug()));
         }
         let is_molecule = row.get(2).is_some_and(|word| is_whole(word));
+        // Three image flags may stand behind the positions.
         let name = match row.len() {
             5 | 8 => "atomic",
             7 | 10 => "full",
@@ -394,6 +394,3 @@ fn type_names(name: &str, labels: &HashMap<String, String>) -> (String, Vec<Stri
     let aliases = [format!("type{name}"), name.to_string()].into_iter().map(|a| a.to_lowercase()).chain(label);
     (format!("type {name}"), aliases.collect())
 }
-
-#[cfg(test)]
-mod tests;

@@ -1,6 +1,5 @@
 //! LAMMPS text dumps, plain or compressed: <https://docs.lammps.org/dump.html>.
 
-mod cell;
 pub mod data;
 mod frame;
 pub mod write;
@@ -8,9 +7,9 @@ pub mod write;
 use crate::format::FileHead;
 use crate::single_file::named;
 use crate::text::content::TextContent;
-use crate::text::frames::{FrameScan, scan};
 use crate::text::parse::Scaling;
 use crate::text::snapshot::{self, TextSnapshot, kinds};
+use crate::text::table::{FrameScan, scan};
 use crate::{Choice, Description, Format, Snapshot, SpeciesField};
 use frame::{LammpsFrameHead, units_of};
 use particlegs_core::model::{Dimension, Epoch, Unit, Units};

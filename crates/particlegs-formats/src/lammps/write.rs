@@ -197,6 +197,7 @@ fn push_field(field: &OutField, run: &Run, i: usize, text: &mut Vec<u8>) {
         match field.number {
             Number::F32 => text.extend_from_slice(zmij::Buffer::new().format(value as f32).as_bytes()),
             Number::F64 => text.extend_from_slice(zmij::Buffer::new().format(value).as_bytes()),
+            // By their bits: f64 does not hold all whole numbers of 64 bits.
             Number::U64 => push_whole(stored.bits(), text),
             Number::I64 => text.extend_from_slice((stored.bits() as i64).to_string().as_bytes()),
             _ => text.extend_from_slice((value as i64).to_string().as_bytes()),
@@ -262,11 +263,13 @@ fn box_bounds(cell: &Cell, text: &mut String) {
     let [a, b, c] = cell.vectors;
     let flags = cell.periodic.map(|p| if p { "pp" } else { "ff" }).join(" ");
     let low = cell.origin;
+    // LAMMPS's usual spelling needs the first vector along x and the second in the plane of x and y.
     let is_upper = a[1] == 0.0 && a[2] == 0.0 && b[2] == 0.0 && a[0] > 0.0 && b[1] > 0.0 && c[2] > 0.0;
     let (shape, rows) = if !is_upper {
         ("abc origin ", (0..3).map(|k| [&cell.vectors[k][..], &low[k..=k]].concat()).collect())
     } else {
         let [xy, xz, yz] = [b[0], c[0], c[1]];
+        // The bounds are those of the box around the tilted cell.
         let shifts = [vec![0.0, xy, xz, xy + xz], vec![0.0, yz], vec![0.0]];
         let row = |k: usize| {
             let least = shifts[k].iter().copied().fold(0.0, f64::min);

@@ -7,7 +7,7 @@ use std::io::Read;
 pub const MAGIC: &[u8; 6] = b"\x93NUMPY";
 /// Longest header that is read; records of a thousand fields have some ten thousand bytes.
 const LONGEST: u32 = 1 << 20;
-/// Choice that a record may have.
+/// Fields that a record may have.
 const MOST_FIELDS: usize = 4096;
 
 #[derive(Clone, Debug, PartialEq)]

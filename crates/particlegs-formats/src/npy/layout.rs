@@ -73,6 +73,7 @@ pub fn rows_of_positions(header: &NpyHeader) -> Option<u64> {
 pub fn rows_of_table(header: &NpyHeader) -> Option<u64> {
     match (&header.element, &sides(header)[..]) {
         (NpyElement::Plain(scalar), &[a, b]) if scalar.kind.is_some() => match (a, b) {
+            // Where both sides are short, only at least as many rows as columns are clear.
             (n, 4..=MOST_COLUMNS) if n > MOST_COLUMNS || n >= b => Some(n),
             (4..=MOST_COLUMNS, n) if n > MOST_COLUMNS => Some(n),
             _ => None,

@@ -1,8 +1,7 @@
 //! NumPy archives: arrays by name, as `numpy.savez` and `savez_compressed` write them.
 //!
-//! Members that are not compressed are read where they lie; compressed ones as streams.
-
-mod zip;
+//! Members that are not compressed are read where they lie; compressed ones as streams. Of the archive (ZIP, large ones
+//! included) the table of contents is read; nothing is unpacked.
 
 use crate::affine::Affine;
 use crate::columns::{ColumnarField, ColumnarSnapshot, one_species};
@@ -10,17 +9,18 @@ use crate::npy::header::{NpyElement, NpyHeader};
 use crate::npy::layout;
 use crate::numbers::Bytes;
 use crate::single_file::{named, only};
-use crate::stored_bytes::StoredBytes;
+use crate::stored_bytes::{StoredBytes, StreamCoding};
 use crate::{Choice, Description, Format, Snapshot, SpeciesField, SpeciesMass, TextResult};
 use particlegs_core::space::Cell;
 use particlegs_core::{Error, Result};
+use rawzip::{CompressionMethod, ZipArchive, ZipFileHeaderRecord, ZipSliceArchive};
 use std::io::Read;
 use std::path::PathBuf;
 
 pub const FORMAT: Format = Format {
     name: "npz",
     title: "NumPy archive",
-    detect: |head| head.bytes.starts_with(zip::MAGIC) || head.bytes.starts_with(zip::MAGIC_EMPTY),
+    detect: |head| head.bytes.starts_with(MAGIC) || head.bytes.starts_with(MAGIC_EMPTY),
     open,
 };
 
@@ -77,7 +77,7 @@ fn open(paths: &[PathBuf], _: &Choice) -> Result<Box<dyn Snapshot>> {
 /// The archive's arrays; members that cannot be read are named in `notes`.
 fn arrays(bytes: &Bytes, notes: &mut Vec<String>) -> TextResult<(Vec<StoredBytes>, Vec<ArchiveArray>)> {
     let (mut stored, mut arrays) = (Vec::new(), Vec::new());
-    for member in zip::members(bytes)? {
+    for member in members(bytes)? {
         let name = member.name.strip_suffix(".npy").unwrap_or(&member.name).to_string();
         let array = member.content.and_then(|content| {
             let stream = content.open().map_err(|e| format!("it cannot be read: {e}"))?;
@@ -193,6 +193,72 @@ fn cell(values: &[f64]) -> TextResult<Option<Cell>> {
         None => Err(format!("the cell {values:?} has no volume")),
         cell => Ok(cell),
     }
+}
+
+/// First bytes of a ZIP archive, unless it is empty.
+const MAGIC: &[u8; 4] = b"PK\x03\x04";
+/// First bytes of an empty one.
+const MAGIC_EMPTY: &[u8; 4] = b"PK\x05\x06";
+const MOST_MEMBERS: u64 = 1 << 14;
+
+struct ZipMember {
+    name: String,
+    /// Its content; `Err` says why it cannot be read.
+    content: TextResult<StoredBytes>,
+}
+
+/// All members. An archive without a table of contents, or with a member whose name leads out of it, is refused.
+fn members(bytes: &Bytes) -> TextResult<Vec<ZipMember>> {
+    let archive = ZipArchive::from_slice(&bytes[..]).ok().filter(|a| a.end_offset() == bytes.len() as u64);
+    let archive = archive.ok_or("no table of contents: the file is cut short or not a ZIP archive")?;
+    let count = archive.entries_hint();
+    if count > MOST_MEMBERS {
+        return Err(format!("the table of contents lists too many members: {count}"));
+    }
+    let (mut out, mut entries) = (Vec::new(), archive.entries());
+    for number in 0..count {
+        let entry = entries.next_entry().ok().flatten();
+        let entry = entry.ok_or_else(|| format!("the entry of member {number} of {count} is incomplete"))?;
+        let name = String::from_utf8_lossy(entry.file_path().as_ref()).into_owned();
+        check_name(&name)?;
+        // Folders have a name and nothing in it.
+        if !name.ends_with('/') {
+            out.push(ZipMember { name, content: content(bytes, &archive, &entry) });
+        }
+    }
+    Ok(out)
+}
+
+/// Members must lie in the archive's own folder; that nothing is unpacked here does not make an
+/// archive that tries it a good one.
+fn check_name(name: &str) -> TextResult<()> {
+    let outside = name.split(['/', '\\']).any(|part| part == "..") || name.starts_with(['/', '\\']);
+    if outside || name.contains(':') || name.contains('\0') {
+        return Err(format!("the name of member `{}` points outside the archive", name.escape_debug()));
+    }
+    Ok(())
+}
+
+fn content(
+    bytes: &Bytes,
+    archive: &ZipSliceArchive<&[u8]>,
+    entry: &ZipFileHeaderRecord<'_>,
+) -> TextResult<StoredBytes> {
+    if entry.flags().is_encrypted() {
+        return Err("it is encrypted".into());
+    }
+    let coding = match entry.compression_method() {
+        CompressionMethod::STORE => StreamCoding::Plain,
+        CompressionMethod::DEFLATE => StreamCoding::Deflate { crc: entry.crc32() },
+        other => {
+            let method = other.as_u16();
+            return Err(format!("its compression (ZIP method {method}) is not supported: use numpy.savez"));
+        }
+    };
+    let zip_entry =
+        archive.get_entry(entry.wayfinder()).map_err(|_| "it starts at a wrong place or ends beyond the file")?;
+    let (start, end) = zip_entry.compressed_data_range();
+    StoredBytes::new(bytes.clone(), start, end - start, entry.uncompressed_size_hint(), coding)
 }
 
 #[cfg(test)]

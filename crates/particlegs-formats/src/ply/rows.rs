@@ -88,6 +88,7 @@ impl RowFormat {
             if !(items >= 0.0 && items.fract() == 0.0) {
                 return Err(format!("list `{}` has {items} items", property.name.escape_debug()));
             }
+            // This cannot be negative: `number` has read the length just now.
             let left = (bytes.len() as u64 - at - length.bytes()) / property.kind.bytes();
             if items > left as f64 {
                 return Err(format!("list `{}` of {items} items is cut short", property.name.escape_debug()));

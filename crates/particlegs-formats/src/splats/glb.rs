@@ -1,6 +1,5 @@
 //! Binary glTF: primitives of points, and of `KHR_gaussian_splatting`, in their places of the scene.
 
-use super::gltf::{Accessor, GltfDocument, Primitive};
 use crate::affine::Affine;
 use crate::format::FileHead;
 use crate::numbers::{Bytes, NumberType, StridedColumn, StridedParticles};
@@ -9,6 +8,9 @@ use crate::single_file::{named, only};
 use crate::{Choice, Description, Snapshot, Species, SpeciesField, SpeciesMass, TextResult, axes};
 use particlegs_core::{Error, Result};
 use particlegs_particles::SnapshotReader;
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -77,6 +79,7 @@ fn chunks(bytes: &[u8]) -> TextResult<(Range<u64>, Range<u64>)> {
     if length > bytes.len() as u64 {
         return Err(format!("the file is cut short: {} of {length} bytes", bytes.len()));
     }
+    // A chunk has its size, its kind, then its content; the first stands behind 12 bytes of the file's header.
     let chunk = |at: u64, kind: &[u8; 4]| {
         let (size, is) = (word(at)?, bytes.get(at as usize + 4..at as usize + 8)?);
         (is == kind && at + 8 + size <= length).then_some(at + 8..at + 8 + size)
@@ -153,6 +156,7 @@ fn part(
 
 /// An accessor's type, and what stands for 1.
 fn number(accessor: &Accessor) -> TextResult<(NumberType, f64)> {
+    // Types have the numbers that OpenGL gives them.
     let (kind, largest) = match accessor.component_type {
         5120 => (NumberType::I8, 127.0),
         5121 => (NumberType::U8, 255.0),
@@ -176,8 +180,144 @@ impl Snapshot for Glb {
         let mut pieces: Vec<Box<dyn ParticlePiece>> = Vec::new();
         for part in &self.parts {
             let inner = StridedParticles::new(&self.place, self.bytes.clone(), part.rows, &part.axes)?;
+            // Moved positions have more digits than the f32 that they were.
             pieces.push(part.world.moved(true, Box::new(inner)));
         }
         Ok(Box::new(PieceReader::new(self.description.meta.clone(), pieces, false)?))
+    }
+}
+
+#[derive(Deserialize, Default)]
+#[serde(rename_all = "camelCase", default)]
+struct GltfDocument {
+    scene: Option<usize>,
+    scenes: Vec<GltfScene>,
+    nodes: Vec<GltfNode>,
+    meshes: Vec<Mesh>,
+    accessors: Vec<Accessor>,
+    buffer_views: Vec<BufferView>,
+    buffers: Vec<Buffer>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+struct GltfScene {
+    nodes: Vec<usize>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+struct GltfNode {
+    mesh: Option<usize>,
+    children: Vec<usize>,
+    /// Columns first.
+    matrix: Option<[f64; 16]>,
+    translation: Option<[f64; 3]>,
+    /// x, y, z, w.
+    rotation: Option<[f64; 4]>,
+    scale: Option<[f64; 3]>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+struct Mesh {
+    primitives: Vec<Primitive>,
+}
+
+/// Points, lines or triangles.
+#[derive(Deserialize, Default)]
+#[serde(default)]
+struct Primitive {
+    attributes: BTreeMap<String, usize>,
+    mode: Option<u32>,
+    extensions: Extensions,
+}
+
+#[derive(Deserialize, Default)]
+struct Extensions {
+    #[serde(rename = "KHR_gaussian_splatting")]
+    splats: Option<Splats>,
+    #[serde(flatten)]
+    others: BTreeMap<String, IgnoredAny>,
+}
+
+/// That of splats, which may itself be extended, e.g. by a compression.
+#[derive(Deserialize, Default)]
+#[serde(default)]
+struct Splats {
+    extensions: BTreeMap<String, IgnoredAny>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Accessor {
+    buffer_view: Option<usize>,
+    #[serde(default)]
+    byte_offset: u64,
+    component_type: u32,
+    #[serde(default)]
+    normalized: bool,
+    count: u64,
+    #[serde(rename = "type")]
+    shape: String,
+    sparse: Option<IgnoredAny>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct BufferView {
+    #[serde(default)]
+    buffer: usize,
+    #[serde(default)]
+    byte_offset: u64,
+    byte_length: u64,
+    byte_stride: Option<u64>,
+}
+
+/// Bytes, in the file where they have no address.
+#[derive(Deserialize)]
+struct Buffer {
+    uri: Option<IgnoredAny>,
+}
+
+impl GltfNode {
+    fn local(&self) -> Affine {
+        if let Some(m) = self.matrix {
+            let matrix = [0, 1, 2].map(|i| [m[i], m[4 + i], m[8 + i]]);
+            return Affine { matrix, shift: [m[12], m[13], m[14]] };
+        }
+        let [x, y, z, w] = self.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
+        let turn = [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+            [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+        ];
+        let scale = self.scale.unwrap_or([1.0; 3]);
+        let matrix = turn.map(|row| [row[0] * scale[0], row[1] * scale[1], row[2] * scale[2]]);
+        Affine { matrix, shift: self.translation.unwrap_or([0.0; 3]) }
+    }
+}
+
+impl GltfDocument {
+    /// Meshes and how they are placed in the world, each where a node of the scene shows it; all of
+    /// them as they are where there is no scene.
+    fn placed(&self) -> TextResult<Vec<(usize, Affine)>> {
+        let Some(scene) = self.scenes.get(self.scene.unwrap_or(0)) else {
+            return Ok((0..self.meshes.len()).map(|m| (m, Affine::IDENTITY)).collect());
+        };
+        let mut out = Vec::new();
+        // A node has one parent: one seen twice is a loop or a lie.
+        let mut seen = vec![false; self.nodes.len()];
+        let mut open: Vec<(usize, Affine)> = scene.nodes.iter().rev().map(|&n| (n, Affine::IDENTITY)).collect();
+        while let Some((number, parent)) = open.pop() {
+            let node = self.nodes.get(number).ok_or("a scene refers to a node that does not exist")?;
+            if std::mem::replace(&mut seen[number], true) {
+                return Err(format!("node {number} has two parents"));
+            }
+            let world = parent.after(&node.local());
+            out.extend(node.mesh.map(|mesh| (mesh, world)));
+            open.extend(node.children.iter().rev().map(|&child| (child, world)));
+        }
+        Ok(out)
     }
 }

@@ -66,6 +66,7 @@ impl SpzHeader {
     fn splat(&self) -> u64 {
         let harmonics = (u64::from(self.degree) + 1).pow(2) - 1;
         let rotation = if self.version >= 3 { 4 } else { 3 };
+        // Position, size, rotation, opacity, colour, harmonics.
         self.position() + 3 + rotation + 1 + 3 + 3 * harmonics
     }
 }

@@ -155,6 +155,7 @@ fn first_lines(block: &[u8], limit: u64) -> (usize, u64) {
     while from < block.len() {
         let stride = &block[from..block.len().min(from + STRIDE)];
         let ends = memchr::memchr_iter(b'\n', stride).count() as u64;
+        // Counting is fast: only the last stride is searched for the end of a line.
         if lines + ends >= limit {
             let last = memchr::memchr_iter(b'\n', stride).nth((limit - lines - 1) as usize);
             return (from + last.unwrap_or(0) + 1, limit);

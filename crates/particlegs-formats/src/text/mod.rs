@@ -6,7 +6,6 @@
 //! is what LAMMPS dumps, XYZ files and plain tables have in common.
 
 pub mod content;
-pub mod frames;
 pub mod lines;
 pub(crate) mod number;
 pub mod parse;

@@ -257,6 +257,7 @@ impl RowParser<'_> {
     fn row<T: TableNumber>(&self, text: &[u8], out: &mut ParticleColumns<T>) -> Option<usize> {
         let mut values = [0.0; 4];
         let length = match self.layout.separator {
+            // Decimal commas are rare: only the slow way knows them.
             _ if self.layout.comma => None,
             Separator::Blanks => self.blanks(text, &mut values),
             Separator::Byte(byte) => self.bytes(text, byte, &mut values),

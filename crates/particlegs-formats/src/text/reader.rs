@@ -76,6 +76,7 @@ impl RowReader {
         let mut lines =
             LineReader::open(&self.table.content, self.table.stretches[stretch], Some(self.table.end.offset))?;
         let mut parser = self.parser(&self.plan, first - before[stretch], self.length(run));
+        // Where every line is a row, those before need not be looked at.
         if self.table.key.is_none() && self.table.layout.rows == RowRule::All {
             lines.pass(std::mem::take(&mut parser.skip), |_, _| Ok(()))?;
         }
@@ -114,6 +115,7 @@ impl RowReader {
             context.check()?;
             let ended = self.batch(&mut lines, &mut waiting)?;
             let whole = waiting[0].len() / RUN;
+            // The last run may be shorter: it is whole once the stream has ended.
             let last = ended && next + whole as u64 + 1 == self.count().div_ceil(RUN as u64);
             let ready = whole + usize::from(last && waiting[0].len() % RUN > 0);
             let wanted = (0..ready).filter(|&i| runs.contains(&(next + i as u64)));
@@ -130,6 +132,7 @@ impl RowReader {
             if ended && next < runs.end {
                 return Err(self.changed());
             }
+            // Rows of a run that is not whole yet wait for the next blocks.
             waiting.iter_mut().filter(|c| !c.is_empty()).for_each(|c| drop(c.drain(..c.len().min(ready * RUN))));
         }
         Ok(())
@@ -191,6 +194,7 @@ impl SnapshotReader for RowReader {
             return Ok(());
         }
         let mut lines = LineReader::open(&self.table.content, self.table.start, Some(self.table.end.offset))?;
+        // A compressed file can only be read from its beginning.
         for run in 0..runs.end {
             self.parse(&mut lines, self.parser(&self.plan, 0, self.length(run)), &mut columns)?;
             let [x, y, z, _] = &columns;

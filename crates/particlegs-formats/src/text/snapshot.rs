@@ -52,6 +52,7 @@ impl TextSnapshot {
                 .push(format!("more than {MOST_SPECIES} particle types: all particles are treated as one"));
         }
         let species = table.kinds.iter().filter(|kind| kind.count > 0).map(|kind| {
+            // A type that is the only one may still be chosen by its name.
             let only = match &table.keys[..] {
                 [only] => Some(only),
                 _ => None,
@@ -97,6 +98,7 @@ impl TextSnapshot {
         let Ok(plan) = self.plan(species, choice) else { return false };
         let mut columns = <parse::ParticleColumns>::default();
         let mut parser = RowParser { layout: &self.table.layout, plan: &plan, skip: 0, room: wrapping::LOOKED_AT };
+        // A broken row is the reader's to name.
         let _ = parser.block(&self.table.head, 1, &mut columns);
         let [x, y, z, _] = columns;
         let positions = x.iter().zip(&y).zip(&z).map(|((&x, &y), &z)| [x, y, z].map(f64::from));
@@ -170,6 +172,7 @@ impl Snapshot for TextSnapshot {
     fn reader(&self, species: usize, choice: &Choice) -> Result<Box<dyn SnapshotReader>> {
         let no_species = || Error::argument(format!("particle type {species} does not exist"));
         let one = self.description.species.get(species).ok_or_else(no_species)?;
+        // The description leaves out kinds without rows, so that its numbers are not those of the table.
         let kinds = self.table.kinds.iter().enumerate().filter(|(_, kind)| kind.count > 0);
         let (kind, which) = kinds.clone().nth(species).ok_or_else(no_species)?;
         let key = self.table.key.zip(which.key.clone());

@@ -1,8 +1,11 @@
-//! Places of a table's rows in a file, and the number of each species.
+//! Places of a table's rows in a file, and the number of each species. Of files of several frames every frame is found, and
+//! the table of one is kept.
 
 use super::content::{TextContent, TextPosition};
 use super::lines::{LineReader, of_block};
 use super::parse::{RowRule, TableLayout, same};
+use crate::TrajectoryFrames;
+use crate::frames::choose;
 use particlegs_core::{Error, Result, parallel};
 
 /// Most species that a column of types may tell apart.
@@ -116,6 +119,7 @@ impl<'a> TableBuilder<'a> {
 
     pub fn add(&mut self, place: TextPosition, block: &[u8]) -> Result<()> {
         if self.head.len() < HEAD {
+            // The first row whatever its length, then as many as fit.
             let mut rows = of_block(block).map(|(_, length)| length);
             let mut length = rows.next().unwrap_or(0);
             while length < HEAD {
@@ -143,6 +147,7 @@ impl<'a> TableBuilder<'a> {
 
     /// The table, all rows taken in. Those of plain files are looked at only here.
     pub fn finish(mut self) -> Result<TextTable> {
+        // Where every line is a row, the places' own numbers tell how many there are.
         let counts_lines = self.key.is_none() && self.layout.rows == RowRule::All;
         let tallies: Vec<RowTally> = if !self.content.is_seekable() {
             vec![std::mem::take(&mut self.tally)]
@@ -175,6 +180,7 @@ impl<'a> TableBuilder<'a> {
             tally.counts.iter().for_each(|(value, count)| all.count(value, *count));
             all.rows += tally.rows;
         }
+        // Numbered types stand by their numbers, not in the order of their first rows.
         if all.counts.iter().all(|(value, _)| integer(value).is_some()) {
             all.counts.sort_by_key(|(value, _)| integer(value));
         }
@@ -215,4 +221,44 @@ impl TextTable {
 
 fn integer(value: &[u8]) -> Option<i64> {
     std::str::from_utf8(value).ok()?.parse().ok()
+}
+
+pub struct TextFrame<'c, H> {
+    pub head: H,
+    pub rows: Option<TableBuilder<'c>>,
+    /// Its step, as the file numbers it.
+    pub step: Option<i64>,
+}
+
+pub struct FrameScan<H> {
+    pub head: H,
+    pub table: TextTable,
+    /// Number of frames, and the one chosen.
+    pub frames: TrajectoryFrames,
+    pub notes: Vec<String>,
+}
+
+/// Finds all frames of `content` and keeps frame `chosen`, or the last. `next` reads the frame that
+/// begins at the next line (`None` at the end), and its rows where its last argument says so. The
+/// second one is the frame's number, 0 again where it begins anew.
+pub fn scan<'c, H>(
+    content: &'c TextContent,
+    chosen: Option<i64>,
+    mut next: impl FnMut(&mut LineReader<'c>, u64, bool) -> Result<Option<TextFrame<'c, H>>>,
+) -> Result<FrameScan<H>> {
+    let open = || LineReader::open(content, TextPosition::START, None);
+    let mut lines = open()?;
+    let chosen_frame = choose(content.path(), chosen, |number, is_wanted| {
+        if number == 0 {
+            lines = open()?;
+        }
+        next(&mut lines, number, is_wanted)
+    })?;
+    let frames = chosen_frame.frames(chosen_frame.frame.step);
+    let mut notes = chosen_frame.notes;
+    if lines.ends_open() {
+        notes.push("the last line has no newline: the file may be cut off there".into());
+    }
+    let rows = chosen_frame.frame.rows.ok_or_else(|| Error::input(content.path(), "the file has no frames"))?;
+    Ok(FrameScan { head: chosen_frame.frame.head, table: rows.finish()?, frames, notes })
 }

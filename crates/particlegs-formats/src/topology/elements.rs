@@ -1,6 +1,5 @@
-//! Elements: their standard atomic weights, and which one an atom is by its name.
-
-use crate::residues::substance;
+//! Elements and residues by their names: standard atomic weights, which element an atom is, and which residues are parts of
+//! proteins or water.
 
 /// Standard atomic weights in daltons, to five digits (IUPAC 2016); of deuterium its own.
 const ELEMENTS: &str = "\
@@ -38,11 +37,13 @@ pub fn mass(symbol: &str) -> Option<f64> {
 /// The element of an atom by its name and that of its residue; `None` where they do not tell.
 pub fn by_name(name: &[u8], residue: &[u8]) -> Option<&'static str> {
     let letters = |text: &[u8]| -> String {
+        // Digits before the letters count atoms: `1HB2` is a hydrogen.
         let from = text.iter().skip_while(|b| b.is_ascii_digit());
         from.take_while(|b| b.is_ascii_alphabetic()).map(|&b| b.to_ascii_uppercase() as char).collect()
     };
     let (name_letters, residue_letters) = (letters(name), letters(residue));
     let first = |known: &str| name_letters.get(..1).filter(|first| known.contains(first)).and_then(symbol);
+    // In water and proteins the first letter is the element: CA is a carbon there, and calcium where it stands alone.
     match substance(residue) {
         b"water" => first("HO").or_else(|| SITES.contains(&&name_letters[..]).then_some(SITE)),
         b"protein" => {
@@ -59,6 +60,30 @@ pub fn by_name(name: &[u8], residue: &[u8]) -> Option<&'static str> {
         }),
         _ if LONG.contains(&&name_letters[..]) => symbol(&name_letters),
         _ => first("HCNOPSF"),
+    }
+}
+
+/// Residues of proteins, by the names that force fields have for them; and of water.
+const PROTEIN: [&str; 60] = [
+    "ALA", "ARG", "ASN", "ASP", "CYS", "GLN", "GLU", "GLY", "HIS", "ILE", "LEU", "LYS", "MET", "PHE", "PRO", "SER",
+    "THR", "TRP", "TYR", "VAL", "ACE", "NME", "NH2", "MSE", "ARGN", "ASH", "ASPH", "ASPP", "CYM", "CYSH", "CYS2",
+    "CYX", "GLH", "GLUH", "GLUP", "HID", "HIE", "HIP", "HISA", "HISB", "HISH", "HIS1", "HIS2", "HSD", "HSE", "HSP",
+    "LYN", "LYSH", "HISE", "ALAD", "ASF", "ASN1", "CME", "CYS1", "DAB", "HISD", "HYP", "ORN", "PGLU", "QLN",
+];
+const WATER: [&str; 18] = [
+    "SOL", "HOH", "WAT", "H2O", "SPC", "SPCE", "TIP", "TIP2", "TIP3", "TIP4", "TIP5", "T3P", "T4P", "T5P", "HHO",
+    "OH2", "OHH", "W",
+];
+
+/// The species of a residue: residues of proteins are one, as are waters. Others are their own.
+pub fn substance(residue: &[u8]) -> &[u8] {
+    let is = |names: &[&str], residue: &[u8]| names.iter().any(|name| name.as_bytes() == residue);
+    match residue {
+        _ if is(&PROTEIN, residue) => b"protein",
+        _ if is(&WATER, residue) => b"water",
+        // Ends of chains, as AMBER calls them: NALA, CALA.
+        [b'N' | b'C', rest @ ..] if rest.len() == 3 && is(&PROTEIN, rest) => b"protein",
+        _ => residue,
     }
 }
 

@@ -1,9 +1,9 @@
 //! PSF, of X-PLOR, CHARMM and NAMD: the atoms of a system with their types and masses, and no positions:
 //! <https://www.ks.uiuc.edu/Training/Tutorials/namd/namd-tutorial-unix-html/node23.html>.
 
+use super::elements::substance;
 use super::{AtomRow, Topology};
 use crate::format::{FileHead, is_whole};
-use crate::residues::substance;
 use crate::text::content::{TextContent, TextPosition};
 use crate::text::lines::LineReader;
 use crate::text::split::{Separator, number, shown, tokens};
@@ -28,6 +28,7 @@ pub fn read(path: &Path) -> Result<Topology> {
     let error = |line: u64, message: String| Error::input(path, format!("line {line}: {message}"));
     let first = lines.line()?.unwrap_or_default();
     let has = |flag: &[u8]| tokens(first, Separator::Blanks).contains(&flag);
+    // Letters for types change the widths of wide files alone.
     let columns = &COLUMNS[usize::from(has(b"EXT")) * (1 + usize::from(has(b"XPLOR")))];
     let count = loop {
         let Some(line) = lines.line()? else { return Err(Error::input(path, "it has no section !NATOM")) };

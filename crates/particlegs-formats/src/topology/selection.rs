@@ -1,8 +1,8 @@
 //! Selections of atoms, in words that users of MDAnalysis and VMD know: `name OW and resid 1:10`.
 
+use super::elements::substance;
 use super::{Topology, WordColumn};
 use crate::TextResult;
-use crate::residues::substance;
 use particlegs_core::{Error, Result};
 use serde::{Deserialize, Serialize};
 

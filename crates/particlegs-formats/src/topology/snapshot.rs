@@ -205,6 +205,7 @@ impl Snapshot for TopologySnapshot {
         let is_mass = |k: usize| columns[k].field == MASS && !self.masses.is_empty();
         let positions = [0, 1, 2].map(is_mass).contains(&true).then(|| {
             let name = |k: usize| match is_mass(k) {
+                // The file has no masses: any column is read in their place, and replaced.
                 true => format!("{}[0]", species.positions),
                 false if species.fields.iter().any(|f| f.name == columns[k].field && f.components == 1) => {
                     columns[k].field.clone()
@@ -296,6 +297,7 @@ impl SnapshotReader for AtomReader {
                 Ok(())
             })
         };
+        // A stream is passed over once for all runs.
         if self.random_access() { parallel::try_for_each(runs, |run| pass(run..run + 1)) } else { pass(runs) }
     }
 

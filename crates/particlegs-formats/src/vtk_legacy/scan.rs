@@ -160,6 +160,7 @@ impl LegacyScan<'_> {
             }
             ("POINT_DATA", [count]) => (self.of, self.rows) = (AttributeOwner::Points, self.count(count)?),
             ("CELL_DATA", [count]) => (self.of, self.rows) = (AttributeOwner::Cells, self.count(count)?),
+            // Metadata end with an empty line.
             ("METADATA", []) => while self.raw_line()?.is_some_and(|l| !l.is_empty()) {},
             ("FIELD", [_, count]) => return self.field(count),
             _ => return self.attribute(&keyword, &words[1..]),
@@ -252,6 +253,7 @@ impl LegacyScan<'_> {
             ("GLOBAL_IDS" | "PEDIGREE_IDS", [name, kind]) => (*name, 1, kind_of(kind)),
             ("TEXTURE_COORDINATES", [name, n, kind]) => (*name, self.count(n)?, kind_of(kind)),
             ("COLOR_SCALARS", [name, n]) => {
+                // Colours are numbers from 0 to 1 in text, and bytes in binary files.
                 (*name, self.count(n)?, Some(if self.out.ascii { NumberType::F32 } else { NumberType::U8 }))
             }
             ("LOOKUP_TABLE", [_, count]) => {
@@ -316,6 +318,7 @@ fn kind_of(name: &str) -> Option<NumberType> {
         "unsigned_char" => NumberType::U8,
         "short" => NumberType::I16,
         "unsigned_short" => NumberType::U16,
+        // VTK writes its own indices as `int`.
         "int" | "vtkidtype" => NumberType::I32,
         "unsigned_int" => NumberType::U32,
         "long" | "vtktypeint64" => NumberType::I64,

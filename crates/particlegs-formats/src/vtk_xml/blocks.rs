@@ -107,6 +107,7 @@ impl CompressedBlocks {
 
     fn decode(&self, bytes: &[u8], index: u64) -> Result<Vec<u8>, String> {
         let range = self.starts[index as usize]..self.starts[index as usize + 1];
+        // A compressor makes what it cannot shorten a little longer, and no more.
         if range.end - range.start > codecs::MOST_BYTES as u64 * 9 / 8 {
             return Err("a compressed block is larger than its content".into());
         }

@@ -93,6 +93,7 @@ enum XmlElement {
 /// Reads the XML of `bytes`, up to the appended data.
 pub fn parse(path: &Path, bytes: &[u8]) -> Result<VtkDocument> {
     let mut reader = Reader::from_reader(bytes);
+    // The integers have four bytes where the file does not say.
     let mut document = VtkDocument { header: 4, ..VtkDocument::default() };
     let mut walk = XmlState::default();
     loop {
@@ -103,6 +104,7 @@ pub fn parse(path: &Path, bytes: &[u8]) -> Result<VtkDocument> {
             Event::Start(tag) if tag.name().as_ref() == "AppendedData" => {
                 let base64 = attribute(&tag, "encoding").map_err(fault)?.as_deref() == Some("base64");
                 let start = reader.buffer_position() as usize;
+                // What follows may be raw bytes, which are no XML: reading ends here.
                 let blank = bytes[start..].iter().take_while(|b| b.is_ascii_whitespace()).count();
                 if bytes.get(start + blank) != Some(&b'_') {
                     return Err(fault("the appended data do not begin with `_`".into()));

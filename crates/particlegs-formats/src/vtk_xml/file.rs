@@ -2,7 +2,7 @@
 
 use super::blocks::{CompressedBlocks, Compressor, Integers};
 use super::document::{self, ArrayDeclaration, ArrayLocation, VtkDocument};
-use super::source::{ArraySource, VtkArray};
+use super::points::{ArraySource, VtkArray};
 use super::stream::{Base64Text, Stream};
 use crate::TextResult;
 use crate::ascii::Ascii;
@@ -71,6 +71,7 @@ impl VtkXmlFile {
         let fault = |e: String| self.fault(declared, &e);
         let stream = match &declared.place {
             ArrayLocation::Ascii(range) => {
+                // A digit and a blank for each number, but for the last blank.
                 let least = rows.saturating_mul(u64::from(declared.components)).saturating_mul(2);
                 if range.end - range.start < least.saturating_sub(1) {
                     return Err(fault(format!("the text is too short for {rows} rows")));

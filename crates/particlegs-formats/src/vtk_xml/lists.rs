@@ -93,6 +93,7 @@ fn moment(
     let mut known = HashMap::new();
     for one in listed {
         let next = moments.len();
+        // f64 cannot be a key; equal times have equal bits.
         let index = one.time.map_or(next, |t| *known.entry(t.to_bits()).or_insert(next));
         match moments.get_mut(index) {
             Some(same) => same.push(one.clone()),

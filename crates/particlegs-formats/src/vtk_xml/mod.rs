@@ -5,7 +5,6 @@ mod document;
 mod file;
 pub(crate) mod lists;
 pub(crate) mod points;
-pub(crate) mod source;
 pub(crate) mod stream;
 mod write;
 
@@ -19,8 +18,7 @@ use file::VtkXmlFile;
 use particlegs_core::model::Epoch;
 use particlegs_core::{Error, Result};
 use particlegs_particles::{SnapshotMeta, SnapshotReader};
-use points::PiecePoints;
-use source::{ArraySource, open_columns};
+use points::{ArraySource, PiecePoints, open_columns};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -36,6 +34,7 @@ pub const FORMAT: Format = Format {
 fn detect(head: &FileHead) -> bool {
     let text = head.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&head.bytes);
     let text = text.trim_ascii_start();
+    // The file may end within the tag.
     let cut = |whole: &[u8]| !text.is_empty() && (text.starts_with(whole) || whole.starts_with(text));
     head.compression.is_none()
         && (cut(b"<VTKFile") || (text.starts_with(b"<?xml") && text.windows(8).any(|w| w == b"<VTKFile")))
@@ -129,6 +128,7 @@ impl Snapshot for VtkXml {
                 let declared = find(piece, name).ok_or_else(missing)?;
                 let mut array = file.array(declared, piece.points, &cache)?.ok_or_else(missing)?;
                 if let ArraySource::Blocks(blocks) = &mut array.source {
+                    // Arrays share the cache: the keys of each begin behind those of the one before.
                     blocks.key = key;
                     key += blocks.count();
                 }

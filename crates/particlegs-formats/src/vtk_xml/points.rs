@@ -1,11 +1,16 @@
-//! Points of a piece of VTK, in either of its formats.
+//! Points of a piece of VTK, in either of its formats, and the arrays that they are in, of which any rows can be read.
 
-use super::source::{ArrayColumns, VtkArray};
-use crate::numbers::{Bytes, StridedParticles};
+use super::blocks::CompressedBlocks;
+use super::stream::Stream;
+use crate::TextResult;
+use crate::ascii::Ascii;
+use crate::axes::FieldComponent;
+use crate::numbers::{Bytes, NumberType, StridedColumn, StridedParticles};
 use crate::pieces::{ParticlePiece, RowBuffer};
 use particlegs_core::{Error, Result};
 use particlegs_particles::InPlace;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// The arrays that are read of a piece.
 pub struct PiecePoints {
@@ -45,6 +50,7 @@ impl ParticlePiece for PiecePoints {
         let mut held = None;
         for (k, &(index, component)) in self.columns.iter().enumerate() {
             let array = &self.arrays[index];
+            // x, y and z are mostly of one array, which is decoded once.
             if held != Some(index) {
                 numbers.clear();
                 let fault = |e| Error::input(&self.place, format!("array `{}`: {e}", array.name));
@@ -59,4 +65,74 @@ impl ParticlePiece for PiecePoints {
     fn in_place(&self) -> Option<InPlace> {
         self.plain.as_ref()?.in_place()
     }
+}
+
+pub enum ArraySource {
+    Plain(Stream),
+    Blocks(CompressedBlocks),
+    Ascii(Arc<Ascii>),
+}
+
+pub struct VtkArray {
+    pub name: String,
+    pub kind: NumberType,
+    pub components: u32,
+    pub big_endian: bool,
+    pub source: ArraySource,
+}
+
+impl VtkArray {
+    /// The place of component `component`, if the numbers lie in the file as they are.
+    pub fn lane(&self, component: u32) -> Option<StridedColumn> {
+        let ArraySource::Plain(Stream::Raw(start)) = self.source else { return None };
+        let size = self.kind.bytes();
+        let offset = start + u64::from(component) * size;
+        Some(StridedColumn {
+            offset,
+            stride: size * u64::from(self.components),
+            kind: self.kind,
+            big_endian: self.big_endian,
+        })
+    }
+
+    /// Appends rows `rows`, all components of each.
+    pub fn append(&self, bytes: &Bytes, rows: Range<u64>, out: &mut Vec<f64>) -> TextResult<()> {
+        let wide = u64::from(self.components);
+        let numbers = rows.start * wide..rows.end * wide;
+        let size = self.kind.bytes();
+        let range = numbers.start * size..numbers.end * size;
+        let mut push = |raw: &[u8]| {
+            let lane = StridedColumn { offset: 0, stride: size, kind: self.kind, big_endian: self.big_endian };
+            lane.append(raw, 0..raw.len() as u64 / size, out);
+        };
+        match &self.source {
+            ArraySource::Plain(stream) => push(&stream.get(bytes, range)?),
+            ArraySource::Blocks(blocks) => push(&blocks.get(bytes, range)?),
+            ArraySource::Ascii(ascii) => ascii.append(bytes, numbers, self.kind, out)?,
+        }
+        Ok(())
+    }
+}
+
+/// Arrays, and which of them and which of its components each column is: x, y, z and perhaps the weight.
+pub type ArrayColumns = (Vec<VtkArray>, Vec<(usize, u32)>);
+
+/// The arrays that hold `columns`, each opened once.
+pub fn open_columns(
+    columns: &[FieldComponent],
+    mut open: impl FnMut(&str) -> particlegs_core::Result<VtkArray>,
+) -> particlegs_core::Result<ArrayColumns> {
+    let (mut arrays, mut names, mut places) = (Vec::new(), Vec::<&str>::new(), Vec::new());
+    for FieldComponent { field, component } in columns {
+        let index = match names.iter().position(|n| n == field) {
+            Some(index) => index,
+            None => {
+                arrays.push(open(field)?);
+                names.push(field);
+                arrays.len() - 1
+            }
+        };
+        places.push((index, *component));
+    }
+    Ok((arrays, places))
 }

@@ -120,6 +120,7 @@ impl Stream {
             Stream::Raw(start) => Stream::Raw(start.saturating_add(n)),
             Stream::Base64 { text, base, skip } => {
                 let characters = 4 * n.div_ceil(3);
+                // Padding shows that the first bytes were encoded apart from those behind them.
                 if n.is_multiple_of(3) || text.pads(bytes, base + characters - 1) {
                     Stream::Base64 { base: base + characters, skip, text }
                 } else {

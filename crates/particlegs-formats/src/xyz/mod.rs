@@ -7,12 +7,11 @@ mod comment;
 use crate::format::FileHead;
 use crate::single_file::named;
 use crate::text::content::TextContent;
-use crate::text::frames::{TextFrame, scan};
 use crate::text::lines::{LineReader, without_end};
 use crate::text::parse::{RowRule, TableLayout, itself};
 use crate::text::snapshot::{TableColumns, TextSnapshot, kinds};
 use crate::text::split::{Separator, number, shown, tokens};
-use crate::text::table::{TableBuilder, TextTable};
+use crate::text::table::{TableBuilder, TextFrame, TextTable, scan};
 use crate::{Choice, Description, Format, Snapshot, SpeciesField};
 use comment::{Comment, MOST_COLUMNS};
 use particlegs_core::model::Epoch;
@@ -144,7 +143,7 @@ fn key_column(fields: &[SpeciesField]) -> Option<usize> {
     Some(fields[..index].iter().map(|f| f.components as usize).sum())
 }
 
-/// Choice of a plain file with so many columns: symbol, position, and what else there may be.
+/// Fields of a plain file with so many columns: symbol, position, and what else there may be.
 fn plain_fields(columns: usize) -> Vec<SpeciesField> {
     let mut fields = Vec::new();
     if columns != 3 {

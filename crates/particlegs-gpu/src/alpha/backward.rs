@@ -1,9 +1,9 @@
 //! Changes that the pixels of a picture want of its footprints: the way back of raster_main.wgsl, tile by tile, then
 //! footprint by footprint in the order of its tiles.
 
+use super::canvas::BLOCK;
 use super::frame::SlabRecord;
 use super::kernels::AlphaKernels;
-use super::slabs::BLOCK;
 use super::{AlphaCanvas, STORAGE};
 use crate::{Device, groups};
 use particlegs_core::Result;
@@ -48,6 +48,7 @@ impl BackwardBuffers {
         if self.slots.as_ref().is_some_and(|(room, _)| *room >= entries) {
             return Ok(());
         }
+        // The old buffer is freed first, so that memory never holds both.
         self.slots = None;
         device.holds(&format!("{entries} tile entries"), 4 * SUMS * u64::from(entries))?;
         let most = device.largest_binding() / (4 * SUMS);
@@ -70,6 +71,7 @@ impl super::AlphaRenderer {
     pub(crate) fn backward(&self, canvas: &AlphaCanvas, back: &mut BackwardBuffers) -> Result<()> {
         back.room(&self.device, canvas.slabs.largest())?;
         for slab in &canvas.slabs.all {
+            // If there are several slabs, only the lists of the last one are left from drawing.
             if canvas.slabs.all.len() > 1 {
                 self.list(canvas, *slab);
             }

@@ -1,4 +1,4 @@
-// Which footprints touch which tile: core's render::alpha::bin::TileRange. First and last column in the halves of one word,
+// Which footprints touch which tile: core's render::alpha::TileRange. First and last column in the halves of one word,
 // first and last row in those of another.
 
 // No tile at all: the last column comes before the first.

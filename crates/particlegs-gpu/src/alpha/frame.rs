@@ -53,6 +53,7 @@ impl AlphaFrameRecord {
         let [right, down, forward] = eye.axes.map(|a| four(a.map(|v| v as f32)));
         let mut to_middle = [[0; 4]; 3];
         for (words, v) in to_middle.iter_mut().zip(eye.position) {
+            // The negative: kernels add it to a Gaussian's place to get the way from the camera to it.
             let coordinate = fixed::place(-v).ok_or_else(|| Error::argument_with(TOO_FAR, Hint::use_cpu()))?;
             words[..2].copy_from_slice(&coordinate);
         }

@@ -1,7 +1,7 @@
 //! Gaussians on the device, in the training frame.
 
+use super::adapt::NetworkBuffers;
 use super::fixed;
-use super::network_buffers::NetworkBuffers;
 use crate::Device;
 use crate::render::factor;
 use particlegs_core::camera::View;
@@ -50,6 +50,7 @@ impl Gaussians {
             return Err(Error::argument("cannot draw an optical-depth scene with the alpha-blend law"));
         };
         let all: usize = scene.parts().map(Mixture::len).sum();
+        // Kernels number Gaussians with 32 bits.
         if u32::try_from(all).is_err() {
             return Err(Error::argument_with(format!("{all} Gaussians are too many for a GPU"), Hint::use_cpu()));
         }
@@ -134,6 +135,7 @@ fn column(blend: &Blend, m: &Mixture, i: usize) -> std::result::Result<[u32; COL
     // Those that are a Gaussian's own do not depend on the setting.
     let [_, _, scale, logit] = inputs(Setting { radius: 1.0, opacity: 1.0 }, trained.log_scale, trained.logit);
     let factor = factor(&g.cov).map(|v| v as f32);
+    // The odds against it: so an opacity of 1 is a finite number, and the network's factor divides them.
     let odds = ((1.0 - g.opacity) / g.opacity) as f32;
     let mut values = [0.0; COLUMNS];
     values[6..ODDS].copy_from_slice(&factor);

@@ -5,9 +5,9 @@
 //! | adapt_main.wgsl | `adapt`, `network` | what the network makes of each Gaussian; where radius or opacity changed |
 //! | project.wgsl, fixed.wgsl | `project` | Gaussians to footprints, their depths rounded as there |
 //! | ../sort/ | `plan` | numbers of Gaussians by depth, of entries by tile: a stable radix sort |
-//! | bin.wgsl | `bin` | footprints, in the order of depth, to the lists of the tiles that they touch |
+//! | bin.wgsl | `Bin` of `plan` | footprints, in the order of depth, to the lists of the tiles that they touch |
 //! | raster_main.wgsl | `raster` | a tile's list to brightness, front to back |
-//! | tone_main.wgsl | `draw`, `render::tone` | brightness to grey levels |
+//! | tone_main.wgsl | `depth_as_bright`, `render::tone` | brightness to grey levels |
 //! | backward_main.wgsl, slots_main.wgsl | particlegs-train's `alpha::raster` | what pixels want of each footprint |
 //!
 //! Footprints of equal depth come in the order of their numbers. A pixel's thread adds alone, in the order of the list,
@@ -21,8 +21,6 @@ mod fixed;
 mod frame;
 pub(crate) mod gaussians;
 mod kernels;
-mod network_buffers;
-mod slabs;
 #[cfg(test)]
 mod tests;
 
@@ -32,6 +30,7 @@ pub use gaussians::Gaussians;
 pub(crate) use kernels::sources;
 
 use crate::{Device, groups};
+use canvas::{BLOCK, MOST_ENTRIES, Slabs};
 use frame::{AlphaFrameRecord, SlabRecord};
 use kernels::AlphaKernels;
 use particlegs_core::Result;
@@ -39,7 +38,6 @@ use particlegs_core::camera::View;
 use particlegs_core::picture::{Gray8, Plane, Size};
 use particlegs_core::render::alpha::network::Setting;
 use particlegs_core::render::alpha::{Eye, TILE};
-use slabs::{BLOCK, MOST_ENTRIES, Slabs};
 use std::sync::Arc;
 
 const STORAGE: wgpu::BufferUsages =
@@ -60,6 +58,7 @@ impl AlphaRenderer {
     pub fn new(device: &Arc<Device>) -> Result<Self> {
         let kernels = AlphaKernels::new(device);
         device.check()?;
+        // An entry is one word in each of the lists.
         let most = MOST_ENTRIES.min((device.largest_binding() / 4).min(u64::from(u32::MAX)) as u32);
         Ok(AlphaRenderer { device: device.clone(), kernels, most })
     }
@@ -94,6 +93,7 @@ impl AlphaRenderer {
     ) -> Result<()> {
         self.sort(gaussians, canvas, eye, setting)?;
         let blocks = canvas.gaussians.div_ceil(BLOCK);
+        // The CPU must wait for these: it cannot reserve lists before it knows how long they are.
         let sums = self.device.read(&canvas.block_sums, 4 * u64::from(blocks))?;
         let sums: Vec<u32> = sums.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
         let slabs = Slabs::new(canvas.gaussians, &sums, self.most);
@@ -134,6 +134,7 @@ impl AlphaRenderer {
     fn list(&self, canvas: &AlphaCanvas, slab: SlabRecord) {
         let Some(lists) = &canvas.lists else { return };
         let (queue, kernels) = (&self.device.queue, &self.kernels);
+        // Writes to a buffer come before what is submitted after them, so each slab reads its own record.
         queue.write_buffer(&canvas.slab, 0, bytemuck::bytes_of(&slab));
         lists.sort.set(queue, slab.entries);
         let mut encoder = self.device.device.create_command_encoder(&Default::default());

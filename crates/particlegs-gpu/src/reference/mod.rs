@@ -10,9 +10,6 @@
 pub mod paraview;
 mod pictures;
 mod source;
-#[cfg(test)]
-mod tests;
-mod view;
 
 pub use pictures::ParticlePictures;
 pub use source::{ParticleSource, ParticleStream};
@@ -20,12 +17,13 @@ pub use source::{ParticleSource, ParticleStream};
 use crate::kernel::{BufferUse, Kernel};
 use crate::render::{FrameRecord, PlaneLayout, Tone, ToneMapper, TonePlane};
 use crate::{Device, groups};
-use particlegs_core::camera::View;
+use bytemuck::{Pod, Zeroable};
+use particlegs_core::camera::{Projection, View};
+use particlegs_core::math::each_axis;
 use particlegs_core::picture::{Gray8, Plane, Size};
-use particlegs_core::splat::{CUT_SIGMA, ToneStyle, erf};
+use particlegs_core::splat::{CUT_SIGMA, LARGEST_MEAN_ALPHA, ToneStyle, erf};
 use particlegs_core::{Error, Hint, Result};
 use std::sync::Arc;
-use view::ViewRecord;
 
 /// Particles of a piece at most: 128 MiB of positions, which every GPU can bind.
 pub const MOST: usize = 128 * 1024 * 1024 / 12;
@@ -164,6 +162,7 @@ impl Sum<'_> {
         let (r, canvas) = (self.reference, self.canvas);
         let [low, high] = &canvas.sums;
         let bound = r.deposit.bind(&r.device, &[&canvas.view, &points.positions, &r.integrals, low, high]);
+        // `each` is 0 if there are no particles, and a range cannot step by 0.
         for first in (0..points.count).step_by(each.max(1) as usize) {
             let last = points.count.min(first + each);
             let record = ViewRecord { first, last, ..self.record };
@@ -225,5 +224,145 @@ impl Sum<'_> {
 fn integrals() -> Vec<f32> {
     let (root, half) = ((0.5 * std::f64::consts::PI).sqrt(), std::f64::consts::FRAC_1_SQRT_2);
     let at = |k: usize| CUT_SIGMA * (2.0 * k as f64 / STEPS as f64 - 1.0);
+    // Kernels interpolate with the next entry, so the last interval needs one entry more.
     (0..=STEPS + 1).map(|k| (root * (erf(at(k.min(STEPS)) * half) + erf(CUT_SIGMA * half))) as f32).collect()
+}
+
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct ViewRecord {
+    rows: [[f32; 4]; 3],
+    projection: [f32; 4],
+    size: [u32; 2],
+    radius: f32,
+    opacity: f32,
+    scale: f32,
+    count: u32,
+    first: u32,
+    last: u32,
+    nothing: u32,
+    pad: u32,
+    strip: [u32; 2],
+}
+
+impl ViewRecord {
+    /// For positions about `origin`: the camera is moved in f64, and matrices are rounded last.
+    fn new(view: &View, size: Size, origin: [f64; 3], [near, far]: [f64; 2]) -> Result<ViewRecord> {
+        view.check(size)?;
+        let Projection::Perspective { fov_deg } = view.camera.projection else {
+            let name = &view.name;
+            return Err(Error::argument(format!("view `{name}`: drawing all particles needs a perspective camera")));
+        };
+        let frame = view.camera.frame()?;
+        let eye: [f64; 3] = each_axis(|k| frame.position[k] - origin[k]);
+        let row = |r: [f64; 3]| {
+            let shift = -(r[0] * eye[0] + r[1] * eye[1] + r[2] * eye[2]);
+            [r[0] as f32, r[1] as f32, r[2] as f32, shift as f32]
+        };
+        let t = (0.5 * fov_deg.to_radians()).tan();
+        // In the order of `particlegs_reference::project`, whose bits these are.
+        let p00 = 1.0 / (t * size.width as f64 / size.height as f64);
+        let projection = [p00, 1.0 / t, -(far + near) / (far - near), -2.0 * far * near / (far - near)];
+        // The most that one splat adds to a pixel is less than 2^32 of the units.
+        let most = -(1.0 - view.opacity.min(LARGEST_MEAN_ALPHA)).ln();
+        let scale = f64::exp2((30.0 - most.log2()).floor());
+        Ok(ViewRecord {
+            rows: frame.axes.map(row),
+            projection: projection.map(|v| v as f32),
+            size: [size.width as u32, size.height as u32],
+            radius: view.radius as f32,
+            opacity: view.opacity as f32,
+            scale: scale as f32,
+            count: 0,
+            first: 0,
+            last: 0,
+            nothing: 0,
+            pad: 0,
+            strip: [0, size.height as u32],
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::{columns, device, particles, view};
+    use particlegs_core::camera::clipping_range;
+    use particlegs_core::context::Context;
+    use particlegs_reference as reference;
+
+    /// Splats below a pixel, of some pixels, large and turned; faint and opaque; in one piece and in several.
+    #[test]
+    #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+    fn kernels_agree_with_their_twins() {
+        let device = device();
+        let renderer = ReferenceRenderer::new(&device).unwrap();
+        let (columns, size) = (columns(4000), Size { width: 320, height: 180 });
+        let particles = particles(&columns);
+        let cpu_reference = reference::Reference::new(&particles);
+        let canvas = renderer.canvas(size).unwrap();
+        for (position, radius, opacity) in [
+            ([1.0, 2.0, 6.0], 0.002, 0.05),
+            ([1.0, 2.0, 6.0], 0.02, 0.05),
+            ([1.0, 2.0, 6.0], 0.02, 0.9),
+            ([1.0, 2.0, 6.0], 0.1, 0.3),
+            ([0.3, 0.2, 0.9], 0.01, 0.05),
+            ([0.3, 0.2, 0.9], 0.05, 0.2),
+        ] {
+            let view = view(position, [radius, opacity]);
+            let range = clipping_range(cpu_reference.bounds(), &view.camera);
+            let tau = cpu_reference.optical_depth(&view, size, &Context::SILENT).unwrap();
+            let mut whole = None;
+            for pieces in [1, 3] {
+                let begin = || renderer.begin(&canvas, &view, [0.0; 3], range).unwrap();
+                let add = |sum: &mut Sum<'_>| {
+                    let n = 4000usize.div_ceil(pieces);
+                    for k in 0..pieces {
+                        let piece = columns.each_ref().map(|c| &c[k * n..4000.min((k + 1) * n)]);
+                        sum.add(&DeviceParticles::upload(&device, piece).unwrap()).unwrap();
+                    }
+                };
+                let mut sum = begin();
+                add(&mut sum);
+                let depth = sum.depth().unwrap();
+                let seen = |t: f32| 255.0 * (1.0 - f64::from(-t).exp());
+                let apart = depth.data.iter().zip(&tau.data).map(|(a, b)| (seen(*a) - seen(*b)).abs());
+                let worst = apart.fold(0.0, f64::max);
+                println!("{position:?} radius {radius} opacity {opacity}: largest {worst:.4} levels");
+                assert!(worst < 0.1, "{position:?} radius {radius} opacity {opacity}: largest {worst:.4} levels");
+                assert!(whole.get_or_insert_with(|| depth.data.clone()) == &depth.data, "pieces show");
+                for style in ToneStyle::ALL {
+                    let mut sum = begin();
+                    add(&mut sum);
+                    let (a, b) = (
+                        sum.finish(style).unwrap(),
+                        cpu_reference.response(&view, size, style, &Context::SILENT).unwrap(),
+                    );
+                    let apart = a.data.iter().zip(&b.data).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+                    assert!(apart <= 1, "{}: largest {apart}", style.name());
+                }
+            }
+        }
+    }
+
+    /// The largest usual picture is drawn where a card sees no more than 128 MiB at once.
+    #[test]
+    #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+    fn a_picture_of_8k_is_drawn() {
+        let device = device();
+        let renderer = ReferenceRenderer::new(&device).unwrap();
+        let (columns, size) = (columns(1000), Size { width: 7680, height: 4320 });
+        let view = view([1.0, 2.0, 6.0], [0.002, 0.05]);
+        let particles = particles(&columns);
+        let cpu_reference = reference::Reference::new(&particles);
+        let canvas = renderer.canvas(size).unwrap();
+        let mut sum =
+            renderer.begin(&canvas, &view, [0.0; 3], clipping_range(cpu_reference.bounds(), &view.camera)).unwrap();
+        sum.add(&DeviceParticles::upload(&device, columns.each_ref().map(|c| &c[..])).unwrap()).unwrap();
+        let (a, b) = (
+            sum.finish(ToneStyle::Expected).unwrap(),
+            cpu_reference.response(&view, size, ToneStyle::Expected, &Context::SILENT).unwrap(),
+        );
+        assert!(b.data.iter().any(|v| *v > 0) && a.data.iter().zip(&b.data).all(|(a, b)| a.abs_diff(*b) <= 1));
+    }
 }

@@ -62,6 +62,7 @@ impl<'a> ParticlePictures<'a> {
         let canvas = match slot.take() {
             Some(canvas) if canvas.size == size => canvas,
             other => {
+                // The old canvas is freed before the new one takes memory.
                 drop(other);
                 self.reference.canvas(size)?
             }

@@ -1,4 +1,4 @@
-// A camera, and how depth is rounded (view.rs has the same record).
+// A camera, and how depth is rounded (mod.rs has the same record).
 
 struct View {
     // World to camera, rows x, y, z of (rotation | translation).

@@ -108,6 +108,7 @@ impl FrameRecord {
 
     /// Of a camera, for `count` Gaussians about `origin`.
     pub fn new(lens: &Lens, origin: [f64; 3], planes: &PlaneLayout, count: u32) -> FrameRecord {
+        // Two floats a coordinate, so that a kernel can subtract a near place without losing digits.
         let eye = each_axis(|k| two_floats(lens.position[k] - origin[k]));
         let four = |v: [f32; 3]| [v[0], v[1], v[2], 0.0];
         let [right, down, forward] = lens.axes.map(|a| four(a.map(|v| v as f32)));

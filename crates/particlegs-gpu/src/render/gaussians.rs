@@ -104,6 +104,7 @@ impl GaussianExtent {
             let (mean, [xx, _, _, yy, _, zz]) = (m.mean_of(i), m.cov_of(i).0);
             extent.means.min = each_axis(|k| extent.means.min[k].min(mean[k]));
             extent.means.max = each_axis(|k| extent.means.max[k].max(mean[k]));
+            // The root of the trace is at least the standard deviation along any direction.
             extent.sigma = extent.sigma.max((xx + yy + zz).sqrt());
         }
         extent
@@ -155,6 +156,7 @@ impl GaussianChunk {
 /// counts as 0.
 pub(crate) fn factor(cov: &Sym3) -> [f64; 6] {
     let [xx, xy, xz, yy, yz, zz] = cov.0;
+    // Where a variance is 0, its covariances are 0 as well, except for rounding.
     let over = |v: f64, by: f64| if by > 0.0 { v / by } else { 0.0 };
     let a = xx.max(0.0).sqrt();
     let (b, d) = (over(xy, a), over(xz, a));

@@ -145,6 +145,7 @@ impl DepthRenderer {
         let tiles = device.buffer("tiles", 8 * planes.tiles, storage);
         let scale = device.buffer("scale", 8, storage);
         let picture = device.buffer("picture", size.pixels() as u64, storage);
+        // Batches are drawn one after the other, so all of them can use the same strokes.
         let largest = gaussians.chunks.iter().map(|c| u64::from(c.count)).max().unwrap_or(0);
         let strokes = device.buffer("strokes", 32 * largest, storage);
         let planes_of = device.buffer("planes", 4 * largest, storage);
@@ -234,6 +235,7 @@ impl DepthRenderer {
         lens: &Lens,
     ) {
         self.begin(encoder, gaussians, canvas, lens);
+        // All batches share one scale, so none may be drawn before every one is bounded.
         let (one, cuts) = (canvas.batches.len() == 1, gaussians.may_be_cut(lens));
         for batch in &canvas.batches {
             encoder.clear_buffer(&canvas.cut_count, 0, None);
@@ -327,6 +329,7 @@ impl DepthRenderer {
         } else {
             words.map(f32::from_le_bytes).collect()
         };
+        // The interpolation between planes has negative weights, so a sum can fall below 0.
         let row = |y: usize| all[(y + PAD) * level.width as usize + PAD..][..size.width].iter().map(|v| v.max(0.0));
         Ok(Plane { size, data: (0..size.height).flat_map(row).collect() })
     }

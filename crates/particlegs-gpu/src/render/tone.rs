@@ -102,6 +102,7 @@ impl Tone {
     pub fn set(&self, queue: &wgpu::Queue, view: &View, style: ToneStyle, plane: TonePlane) {
         let radius_px = view.radius_pixels(plane.size);
         let key = ([view.opacity.to_bits(), radius_px.to_bits()], style);
+        // The CPU takes a millisecond for a curve, so the last one is used again where it fits.
         if self.of.lock().unwrap_or_else(PoisonError::into_inner).replace(key) == Some(key) {
             return;
         }
@@ -121,6 +122,7 @@ impl Tone {
 pub(crate) fn curve(opacity: f64, radius_px: Option<f64>) -> Vec<f32> {
     let response = Response::new(opacity);
     let mean = radius_px.map(|r| FxaaMean::new(opacity, r));
+    // 113 is the exponent of 2^-14; a step of 2^17 changes the upper six bits of the fraction.
     let depth = |i: usize| f32::from_bits((113 << 23) + ((i as u32) << 17));
     let ratio = |i: usize| mean.as_ref().map_or(1.0, |m| m.ratio(depth(i)));
     response.levels().iter().enumerate().map(|(i, level)| level * ratio(i)).collect()

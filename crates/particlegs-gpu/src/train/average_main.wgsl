@@ -1,4 +1,4 @@
-// Takes the average a share of the way to the Gaussians: particlegs-train's depth::columns::DepthGaussians::approach.
+// Takes the average a share of the way to the Gaussians: particlegs-train's depth::parameters::DepthGaussians::approach.
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> now: array<f32>;

@@ -1,4 +1,4 @@
-// Moves every Gaussian in its own frame: particlegs-train's depth::columns::DepthGaussians::change. A mean moves in what
+// Moves every Gaussian in its own frame: particlegs-train's depth::parameters::DepthGaussians::change. A mean moves in what
 // its first float leaves, so that small ways are not lost in large numbers.
 
 @group(0) @binding(0) var<uniform> step: Step;

@@ -55,6 +55,7 @@ impl LossBuffers {
         let loss = device.buffer("loss", 16, Use::UNIFORM | Use::COPY_DST);
         let faults = device.buffer("told", 32, storage);
         let [sums, unlike] = ["sums of the loss", "sums of SSIM"].map(parts);
+        // Kernels bind it in any case, but do not read it if SSIM has no share in the loss.
         let by_structure = if with_dssim { plane("gradient of SSIM") } else { parts("no gradient of SSIM") };
         let dssim = with_dssim.then(|| {
             let [a, w, s, p] = ["mean drawn", "mean target", "mean squares", "mean product"].map(plane);

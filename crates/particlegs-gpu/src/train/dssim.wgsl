@@ -1,4 +1,4 @@
-// 1 - SSIM: particlegs-train's dssim. A Gaussian window of 11 pixels, sigma 1.5, pictures continued with zeros.
+// 1 - SSIM: particlegs-train's loss::dssim. A Gaussian window of 11 pixels, sigma 1.5, pictures continued with zeros.
 
 const HALF: i32 = 5;
 const C1: f32 = 1e-4;

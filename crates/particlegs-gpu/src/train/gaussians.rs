@@ -50,6 +50,7 @@ impl DepthBuffers {
     /// Room for these, and what steps are bound to.
     pub fn new(device: &Device, kernels: &TrainingKernels, parameters: &Parameters) -> Result<DepthBuffers> {
         let (count, group_count) = (parameters.len(), parameters.groups.counts.len());
+        // The largest buffer is that of the averages, with two floats for each number.
         let most = MOST.min((device.largest_binding() / (8 * NUMBERS as u64)) as usize);
         if count > most {
             return Err(too_many(device, count, most));
@@ -149,6 +150,7 @@ impl DepthBuffers {
         parameters: &Parameters,
         which: &[usize],
     ) -> Result<()> {
+        // Members are stored by group, so the place of a Gaussian among them has to be looked up.
         let mut place = vec![0u32; self.count];
         self.order.iter().zip(0..).for_each(|(&i, at)| place[i as usize] = at);
         let mut records: Vec<u32> = Vec::new();
@@ -170,6 +172,7 @@ impl DepthBuffers {
         self.put_groups(device, parameters);
         let mut encoder = device.device.create_command_encoder(&Default::default());
         kernels.replace.run(&mut encoder.begin_compute_pass(&Default::default()), &bound, groups(which.len() as u64));
+        // After density control nothing is coded, and the average begins anew.
         for copy in [&self.seen_columns, &self.averaged] {
             encoder.copy_buffer_to_buffer(&self.now, 0, copy, 0, copy.size());
         }

@@ -3,11 +3,11 @@
 //! | kernel | twin in particlegs-train | what it does |
 //! |---|---|---|
 //! | those of [`crate::render`] | `depth::raster` | the depth that Gaussians draw |
-//! | loss.wgsl, dssim.wgsl | `loss`, `dssim`, `depth::curve` | depth to brightness, loss, and the gradient with depth |
+//! | loss.wgsl, dssim.wgsl | `loss`, `depth::steps` | depth to brightness, loss, and the gradient with depth |
 //! | gather_down_main.wgsl | core's `pyramid::gather_down` | that gradient on every plane |
 //! | gather.wgsl | `depth::gather` | what each footprint gathers of it |
 //! | adjoint.wgsl, slopes.wgsl, slice_slopes.wgsl | `depth::adjoint`, core's slopes | footprints back to Gaussians |
-//! | adam_main.wgsl, change_main.wgsl, average_main.wgsl | `depth::steps`, `groups`, `columns` | the step |
+//! | adam_main.wgsl, change_main.wgsl, average_main.wgsl | `depth::steps`, `groups`, `parameters` | the step |
 //!
 //! Those of the alpha-blend law: `alpha`.
 //!
@@ -18,7 +18,6 @@ mod compared;
 mod gaussians;
 mod kernels;
 mod picture;
-pub(crate) mod subject;
 #[cfg(test)]
 mod tests;
 
@@ -124,6 +123,7 @@ impl StepRecord {
             let beta = record.beta.map(f64::from);
             record.rate[k] = (size.rates[k] / correct(beta[0], now)) as f32;
             record.unroot[k] = (1.0 / correct(beta[1], now)) as f32;
+            // Before the first step there is no mean size, and the correction would divide by 0.
             record.epsilon[k] =
                 if before == 0 { 0.0 } else { (size.epsilon / correct(size.beta2, before).sqrt()) as f32 };
         }
@@ -145,6 +145,7 @@ impl DepthStepper for DepthSteps {
         let picture = self.picture_of(sample.crop.size, loss.dssim > 0.0)?;
         let mut lens = Lens::optical(sample.view, sample.crop.full, &parameters.bounds)?;
         for k in 0..2 {
+            // A crop is the whole picture with its centre moved.
             lens.center[k] -= sample.crop.corner[k] as f64;
         }
         let radius = sample.view.radius_pixels(sample.crop.full);
@@ -227,6 +228,7 @@ impl DepthSteps {
 fn stepped(words: &[u8]) -> StepReport {
     let word = |k: usize| [words[4 * k], words[4 * k + 1], words[4 * k + 2], words[4 * k + 3]];
     let (count, first) = (u32::from_le_bytes(word(4)), u32::from_le_bytes(word(5)));
+    // One number holds both, so that a kernel can find the least with a single atomic operation.
     let group = ["position", "covariance", "count"][(first % 4).min(2) as usize];
     let not_finite = NonFiniteGradient { group, gaussian: first as usize / 4, count: count as usize };
     StepReport { loss: f64::from(f32::from_le_bytes(word(0))), not_finite: (count > 0).then_some(not_finite) }

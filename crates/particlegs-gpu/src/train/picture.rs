@@ -140,6 +140,7 @@ impl CurveCache {
             return None;
         }
         let key = [opacity.to_bits(), radius_px.to_bits()];
+        // A run hardly ever has so many, so it does not pay to choose which ones to keep.
         if self.0.len() >= MOST_CURVES && !self.0.contains_key(&key) {
             self.0.clear();
         }

@@ -1,9 +1,9 @@
 //! Models in several blocks, each fitted on its own, at the same file size (paper, table and figure of blocks).
 
-use super::distances::{self, DISTANCES, ScoreCurve, at_distances};
 use super::groups::{self, ViewGroup, in_pixels, masked, means_over, psnr, ssim};
-use super::seeds::{describe_seeds, each_seed};
-use super::shared::rates::COMPARED as RATIO;
+use super::models::{describe_seeds, each_seed};
+use super::rates::COMPARED as RATIO;
+use super::sweep::{self, DISTANCES, ScoreCurve, at_distances};
 use super::{Experiment, published as paper};
 use crate::lab::{Lab, ModelBuild, ModelSettings};
 use crate::results::{ExperimentResults, Plot, PlotAxis, PlotSeries, ResultTable, Spread, TableCell, spread};
@@ -42,8 +42,8 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let curves = curves(&all, &noise_free);
     let title = "Masked PSNR by distance of the camera and number of blocks";
     Ok(ExperimentResults {
-        tables: vec![table(&all, &noise_free), distances::table("blocks-distance", title, &curves)],
-        plots: vec![distances::plot("blocks-distance", title, &curves), changes_by_distance(&all)],
+        tables: vec![table(&all, &noise_free), sweep::table("blocks-distance", title, &curves)],
+        plots: vec![sweep::plot("blocks-distance", title, &curves), changes_by_distance(&all)],
         notes: notes(lab, &truth, frames, &all),
         ..ExperimentResults::default()
     })
@@ -171,7 +171,7 @@ fn notes(lab: &Lab<'_>, truth: &ReferenceViews, frames: usize, all: &[BlockCount
         all[1..].iter().filter_map(change).map(|(k, s)| format!("{k} blocks {:+.2} dB", s.median)).collect();
     notes.push(format!("Change of masked PSNR from one block at the same bytes: {}.", said.join(", ")));
     let eight = all.iter().find(|m| m.blocks == 8);
-    if let Some([far, near]) = eight.and_then(|m| distances::gains(&all[0].scores, &m.scores)) {
+    if let Some([far, near]) = eight.and_then(|m| sweep::gains(&all[0].scores, &m.scores)) {
         let [paper_far, paper_near] = paper::EIGHT_GAINS;
         notes.push(format!(
             "Eight blocks compared with one: {far:+.2} dB far, {near:+.2} dB near at the same size (paper, \

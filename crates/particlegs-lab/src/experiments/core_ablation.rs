@@ -3,7 +3,7 @@
 
 use super::ablation::{self, AblationRow, StageEvaluator};
 use super::groups::{self, ViewGroup, masked, mean_over};
-use super::shared::published_models::{of_seeds, whole};
+use super::models::{of_seeds, whole};
 use super::{Experiment, published as paper};
 use crate::lab::Lab;
 use crate::results::{ExperimentResults, ResultTable, TableCell};

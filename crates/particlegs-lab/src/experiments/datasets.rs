@@ -2,7 +2,7 @@
 //! codes").
 
 use super::Experiment;
-use super::shared::rates::{COMPARED, NOT_OF_THIS_SIZE, RatePoint, ReferenceScores, beside, rows, series};
+use super::rates::{COMPARED, NOT_OF_THIS_SIZE, RatePoint, ReferenceScores, beside, rows, series};
 use crate::lab::{Lab, ModelSettings};
 use crate::method::CompressionMethod;
 use crate::results::{ExperimentResults, Plot, PlotAxis, ResultTable, Spread, TableCell, decibels};

@@ -2,7 +2,7 @@
 //! (paper, table of fine-tuning).
 
 use super::ablation::{self, StageEvaluator};
-use super::shared::published_models::{fine_tuning, merged, whole};
+use super::models::{fine_tuning, merged, whole};
 use super::{Experiment, groups, published as paper};
 use crate::lab::Lab;
 use crate::results::ExperimentResults;

@@ -2,9 +2,8 @@
 
 use super::ablation::frames as trained_frames;
 use super::groups::{self, ViewGroup, in_pixels};
-use super::seeds::{describe_seeds, each_seed};
-use super::shared::published_models::{of_seeds, whole};
-use super::shared::rates::COMPARED as RATIO;
+use super::models::{describe_seeds, each_seed, of_seeds, whole};
+use super::rates::COMPARED as RATIO;
 use super::sweep::{Sweep, SweepModel, SweepStep};
 use super::{Experiment, published as paper};
 use crate::lab::{Lab, ModelBuild, ModelSettings};

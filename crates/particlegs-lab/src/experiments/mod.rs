@@ -4,22 +4,20 @@ mod ablation;
 mod blocks;
 mod core_ablation;
 mod datasets;
-mod distances;
 mod figures;
 mod finetune_ablation;
 mod generalisation;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod groups;
+mod models;
 mod performance;
 mod published;
 mod published_blocks;
 mod published_run;
-mod rate_density;
 mod rate_distortion;
+mod rates;
 mod recovery;
-mod seeds;
-mod shared;
 mod sweep;
 
 use crate::lab::Lab;

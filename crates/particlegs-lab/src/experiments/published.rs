@@ -1,6 +1,6 @@
 //! Numbers of the paper on training, blocks and generalisation, with the names of the `\newcommand` lines in its
-//! source. All were measured on its HACC snapshot of 281 million particles with the published method. PSNR is of whole
-//! pictures of 1920 x 1080 unless it says masked.
+//! source; those on performance and recovery are in modules of their own. All were measured on its HACC snapshot of
+//! 281 million particles with the published method. PSNR is of whole pictures of 1920 x 1080 unless it says masked.
 
 /// Bytes of a Gaussian as published, a PLY of 17 float32.
 pub(super) const BYTES_A_GAUSSIAN: u64 = 68;
@@ -100,6 +100,106 @@ pub(super) fn same_sign(ours: f64, theirs: f64, noise: f64) -> &'static str {
         (true, _) => "within noise",
         (false, true) => "yes",
         (false, false) => "no",
+    }
+}
+
+/// The paper's performance numbers, from its \newcommand lines (particlegs-sc26.tex, table tab:perf and figure
+/// fig:scale): 281 million particles, an alpha-blend model of 8 blocks (769 thousand Gaussians) on a GPU.
+pub(super) mod performance {
+    /// Its hardware (section 5).
+    pub const HARDWARE: &str = "NVIDIA RTX PRO 6000 Blackwell";
+    pub const PARTICLES: f64 = 281e6;
+    pub const GAUSSIANS: f64 = 769e3;
+
+    /// Milliseconds of a frame by ParaView and by the published method, and their stated ratio.
+    pub struct PublishedFrame {
+        pub paraview: f64,
+        pub published: f64,
+        pub ratio: f64,
+    }
+
+    /// Numbers for a picture height; `settings`: with a new radius and opacity ("Combined": adaptation and drawing), else
+    /// with a new camera only.
+    pub fn frame(height: usize, settings: bool) -> Option<PublishedFrame> {
+        let published_frame = |paraview, published, ratio| Some(PublishedFrame { paraview, published, ratio });
+        match (height, settings) {
+            // \PerfPvCamMs, \PerfGsRastMs, \SpeedupCamOneK; \PerfPvCombMs, \PerfGsCombMs, \SpeedupOneK.
+            (1080, false) => published_frame(129.0, 0.38, 339.0),
+            (1080, true) => published_frame(3603.0, 1.51, 2386.0),
+            // \PerfPvCamFourKMs, \PerfGsRastFourKMs, \SpeedupCamFourK;
+            // \PerfPvCombFourKMs, \PerfGsCombFourKMs, \SpeedupFourK.
+            (2160, false) => published_frame(129.0, 0.77, 168.0),
+            (2160, true) => published_frame(3648.0, 1.93, 1890.0),
+            _ => None,
+        }
+    }
+
+    pub const PARAVIEW_LOAD: f64 = 39.4;
+    pub const MODEL_LOAD: f64 = 0.041;
+    pub const PREPARATION: f64 = 6.85 * 60.0;
+    pub const TRAINING: f64 = 67.0 * 60.0;
+    pub const MERGE: f64 = 0.11;
+    pub const FINE_TUNING: f64 = 15.0 * 60.0;
+    /// \InferMemMB, MB of GPU memory.
+    pub const DRAWING_MEMORY: f64 = 462.2;
+    /// \TrainPeakGB, MB of GPU memory.
+    pub const TRAINING_MEMORY: f64 = 8500.0;
+
+    /// Particles and Gaussians per block: 16 blocks (\ScaleSixteenGaussians, \ScaleSixteenParticlesM) and one
+    /// (\ScaleOneGaussians).
+    pub const SCALE: [[f64; 2]; 2] = [[17.6e6, 94e3], [281e6, 171e3]];
+}
+
+/// The paper's numbers on recovery, from its \newcommand lines (particlegs-sc26.tex): 281 million HACC particles in a
+/// box of 256 Mpc/h, an alpha-blend model of 8 blocks at ratio 65 trained on pictures.
+pub(super) mod recovery {
+    use particlegs_fit::recover::Method;
+
+    /// A row of a table of the paper.
+    pub struct PublishedRecovery {
+        pub correlation: f64,
+        /// Mean absolute error of delta.
+        pub mae: f64,
+        /// Mean distance to the nearest neighbour among 500 000 random particles, Mpc/h.
+        pub nearest: f64,
+        /// Mean |xi / xi_truth - 1|, per cent.
+        pub xi: f64,
+    }
+
+    /// The truth's mean distance to the nearest neighbour (\RecGtNNMean), Mpc/h.
+    pub const TRUTH_NEAREST: f64 = 0.665;
+    /// P(k) is within 10 % up to here (\RecPkTenPctK), h/Mpc.
+    pub const POWER_TO: f64 = 2.63;
+    /// xi(r) is within 10 % from here on (\RecXiTenPctR), Mpc/h.
+    pub const XI_FROM: f64 = 10.0;
+    /// Particles in a cell of its density grid: 281 million in 256^3 (\RecGridSize).
+    pub const PARTICLES_A_CELL: f64 = 281e6 / (256.0 * 256.0 * 256.0);
+
+    const fn row(correlation: f64, mae: f64, nearest: f64, xi: f64) -> PublishedRecovery {
+        PublishedRecovery { correlation, mae, nearest, xi }
+    }
+
+    /// Table tab:recovery_methods (\RecVZero... to \RecVSix...); `None` for methods that it does not have.
+    pub fn method(method: Method) -> Option<PublishedRecovery> {
+        Some(match method {
+            Method::Count => row(0.928, 0.718, 0.250, 8.6),
+            Method::Volume => row(0.437, 1.172, 1.216, 4.0),
+            Method::Ellipsoid => row(0.917, 0.701, 0.281, 8.9),
+            Method::Grid => row(0.003, 1.924, 0.061, 154.1),
+            Method::Stratified | Method::Spaced => return None,
+        })
+    }
+
+    /// Table tab:recovery_blocks (\RecBlk...), by number of blocks.
+    pub fn blocks(number: u32) -> Option<PublishedRecovery> {
+        Some(match number {
+            1 => row(0.897, 0.906, 0.161, 15.3),
+            2 => row(0.916, 0.815, 0.186, 9.3),
+            4 => row(0.923, 0.760, 0.218, 8.3),
+            8 => row(0.928, 0.718, 0.250, 8.6),
+            16 => row(0.928, 0.681, 0.292, 7.8),
+            _ => return None,
+        })
     }
 }
 

@@ -3,10 +3,10 @@
 
 use super::Experiment;
 use super::ablation::{self, AblationRow, StageEvaluator};
-use super::distances::{self, ScoreCurve, at_distances};
 use super::groups::{ViewGroup, masked, means_over};
+use super::models::{fine_tuning, merged, whole};
 use super::published::{self as paper, BYTES_A_GAUSSIAN, same_sign};
-use super::shared::published_models::{fine_tuning, merged, whole};
+use super::sweep::{self, ScoreCurve, at_distances};
 use crate::lab::Lab;
 use crate::results::{ExperimentResults, Plot, PlotAxis, PlotSeries, Point, ResultTable, Spread, TableCell, spread};
 use crate::snapshot::Snapshot;
@@ -62,8 +62,8 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     ] {
         let title = format!("{title}, {}", sizes[0]);
         let curves = curves(&all, &one, &noise_free, tuned);
-        results.tables.push(distances::table(stem, &title, &curves));
-        results.plots.push(distances::plot(stem, &title, &curves));
+        results.tables.push(sweep::table(stem, &title, &curves));
+        results.plots.push(sweep::plot(stem, &title, &curves));
     }
     results.plots.push(growth(&all, snapshot.particles.len()));
     Ok(results)
@@ -201,7 +201,7 @@ fn notes(lab: &Lab<'_>, recipe: &Config, tuning: &Config, one: &AblationRow, siz
 /// Note on the gain of eight blocks near and far.
 fn near_and_far(all: &[BlockTuningRow], one: &AblationRow) -> Option<String> {
     let eight = all.iter().find(|m| m.blocks == 8)?;
-    let [far, near] = distances::gains(&one.scores[0], &eight.tuned.scores[0])?;
+    let [far, near] = sweep::gains(&one.scores[0], &eight.tuned.scores[0])?;
     let [paper_far, paper_near] = paper::EIGHT_GAINS;
     let alike =
         if (near > far) == (paper_near > paper_far) { "more near than far in both" } else { "not as in the paper" };

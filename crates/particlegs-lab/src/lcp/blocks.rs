@@ -29,6 +29,7 @@ impl LcpStreams {
                 let [c, d] = [q.map(|q| u64::from(q) / b), q.map(|q| u64::from(q) % b)];
                 let s = c.map(|c| c / 2);
                 let octant = (c[0] & 1) | (c[1] & 1) << 1 | (c[2] & 1) << 2;
+                // A place in a block takes at most 48 bits: three times `LARGEST_EDGE`.
                 (s[0] + m[0] * (s[1] + m[1] * s[2]), octant << 48 | (d[0] + b * (d[1] + b * d[2])), i)
             })
             .collect();
@@ -74,6 +75,7 @@ impl LcpStreams {
             let (mut octant, mut place) = (0i64, 0i64);
             for _ in 0..*count {
                 let (o, r) = steps.next()?;
+                // Another octant is another block, where places start again.
                 if *o != 0 {
                     place = 0;
                 }

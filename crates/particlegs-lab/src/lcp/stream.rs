@@ -1,7 +1,7 @@
 //! A stream of integers, of fixed length or Huffman-coded, whichever is smaller after zstd.
 
-use super::bits::{BitReader, BitWriter};
-use super::{huffman, zstd};
+use super::huffman::{self, BitReader, BitWriter};
+use super::zstd;
 
 const ONE_VALUE: u8 = 0;
 const FIXED: u8 = 1;
@@ -11,6 +11,7 @@ pub fn write(values: &[i64], out: &mut Vec<u8>) {
     let low = values.iter().copied().min().unwrap_or(0);
     let high = values.iter().copied().max().unwrap_or(0);
     let bits = (64 - low.abs_diff(high).leading_zeros()).max(1);
+    // Differences are unsigned, because they may be too large for an i64.
     let plain: Vec<u64> = values.iter().map(|v| low.abs_diff(*v)).collect();
     let (kind, coded) = match low == high {
         true => (ONE_VALUE, Vec::new()),
@@ -54,5 +55,6 @@ pub fn read(bytes: &[u8], most: usize) -> Option<(Vec<i64>, &[u8])> {
         HUFFMAN => huffman::read(coded, count, bits)?,
         _ => return None,
     };
+    // Damaged bytes can give any sum, and must not cause a panic.
     Some((values.into_iter().map(|v| low.wrapping_add_unsigned(v)).collect(), rest))
 }

@@ -240,6 +240,7 @@ fn kept(
         return Ok(best);
     }
     let build = outcome?;
+    // The model is cached by now, so its checkpoint is no longer needed.
     if path.exists() {
         std::fs::remove_file(&path).map_err(|e| Error::io(&path, e))?;
     }

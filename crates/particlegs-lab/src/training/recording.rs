@@ -55,6 +55,7 @@ impl CheckpointStore for CurveCheckpoint<'_> {
     }
 
     fn keep_now(&mut self, key: &str, bytes: Vec<u8>) -> Result<()> {
+        // Stored with the state, so that no score is lost or repeated when the run continues.
         let curve = serde_json::to_vec(&*self.recorder.curve()).unwrap_or_default();
         self.checkpoint.keep(CURVE, curve)?;
         self.keep_seconds()?;

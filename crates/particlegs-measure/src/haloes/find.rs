@@ -1,12 +1,10 @@
 //! The whole job: from particles or a model to a catalogue.
 
-use super::dense::dense_part;
-use super::mass_curve::{HaloSphere, SPHERES, integrated};
+use super::catalogue::HaloCatalogue;
 use super::members::{LinkedHaloes, density_peak};
+use super::model::{HaloSphere, SPHERES, dense_part, integrated};
 use super::overdensity::{HaloDensities, Overdensity};
-use super::properties::SphereProperties;
-use super::sphere::{DensitySphere, RadialParticles, SphereParticle};
-use super::table::HaloCatalogue;
+use super::sphere::{DensitySphere, RadialParticles, SphereParticle, SphereProperties};
 use crate::stats::{
     GaussianSpheres, ParticleFields, PointGrid, StatsSide, Subject, local_positions, number_error, within,
 };

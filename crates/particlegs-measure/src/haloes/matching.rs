@@ -1,6 +1,6 @@
 //! One catalogue against another: haloes that are in both, and ratios of their masses.
 
-use super::table::HaloCatalogue;
+use super::catalogue::HaloCatalogue;
 use crate::stats::{counterparts, quantile};
 use particlegs_core::{Error, Result};
 use particlegs_particles::Domain;

@@ -162,6 +162,7 @@ pub fn density_peak(positions: &[[f64; 3]], members: &[u32], domain: &Domain, nu
         };
         rows.iter_mut().map(in_row).sum()
     };
+    // Of cells that are alike the first, so that the peak is always the same.
     let densest = counts.iter().map(|c| (around(c.0), c.0)).reduce(|a, b| if b.0 > a.0 { b } else { a });
     let near = |x: &&[f64; 3]| densest.is_some_and(|(_, center)| (0..3).all(|k| (cell(x)[k] - center[k]).abs() <= 1));
     // The mean place of all members may lie in none of the clumps that a bridge links.

@@ -53,6 +53,7 @@ impl HaloUnits {
         let conversion_from = |units: Units| UnitSystem { units: &units, ..*system }.conversion(&to).ok();
         // Whether lengths are comoving does not matter today.
         let comoving = system.units.comoving.or((system.scale_factor == Some(1.0)).then_some(true));
+        // Converted one by one: an unknown unit of mass does not hide that of length.
         let lengths = Units { mass: None, comoving, ..system.units.clone() };
         let masses = Units { length: None, ..system.units.clone() };
         let length = known(lengths.length.as_ref()) && comoving.is_some();
@@ -127,6 +128,7 @@ pub fn stated_cosmology(text: &str) -> std::result::Result<Cosmology, String> {
             part.split_once('=').ok_or_else(|| format!("`{part}` is not NAME=VALUE, such as h=0.68"))?;
         let value = value.trim().parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
         let value = value.ok_or_else(|| format!("`{part}` does not have a number from 0 on"))?;
+        // H0 below 10 or h above it is the other quantity by mistake, and is refused.
         match &name.trim().to_lowercase()[..] {
             "h" if value > 0.0 && value < 10.0 => cosmology.hubble = Some(value),
             "h0" if value >= 10.0 => cosmology.hubble = Some(value / 100.0),
@@ -171,6 +173,7 @@ impl CriticalDensity {
         let (a, matter) = (epoch.scale_factor?, cosmology.omega_matter?);
         let lambda = cosmology.omega_lambda.unwrap_or(1.0 - matter);
         let expansion = matter / a.powi(3) + (1.0 - matter - lambda) / (a * a) + lambda;
+        // From Msun/h and (Mpc/h)^3 to the snapshot's own units.
         let unit = units.length?.powi(3) / units.mass?;
         // Times a^3, since lengths are comoving.
         let density = CRITICAL * expansion * a.powi(3) * unit;

@@ -1,5 +1,7 @@
-//! Measures of the particles about one centre.
+//! Measures of the particles about one centre: spheres of mean densities, and the properties that a catalogue has beside
+//! their masses.
 
+use crate::stats::ParticleFields;
 use particlegs_core::math::{Sym3, each_axis};
 
 /// The innermost particles, whose density says nothing.
@@ -72,7 +74,7 @@ impl RadialParticles {
     }
 
     /// The largest mass over radius outside a radius, within another, and the radius that has it.
-    pub fn steepest(&self, outside: f64, within: f64) -> Option<[f64; 2]> {
+    fn steepest(&self, outside: f64, within: f64) -> Option<[f64; 2]> {
         let range = self.count_within(outside).max(INNERMOST)..self.count_within(within);
         let at = |i: usize| {
             let radius = self.particles[i].square.sqrt();
@@ -83,7 +85,7 @@ impl RadialParticles {
 }
 
 /// Mass-weighted mean of vectors.
-pub fn mean_of(particles: &[SphereParticle], vector_of: impl Fn(u32) -> [f64; 3]) -> [f64; 3] {
+fn mean_of(particles: &[SphereParticle], vector_of: impl Fn(u32) -> [f64; 3]) -> [f64; 3] {
     let mut sum = [0.0; 3];
     let mut mass = 0.0;
     for p in particles {
@@ -95,7 +97,7 @@ pub fn mean_of(particles: &[SphereParticle], vector_of: impl Fn(u32) -> [f64; 3]
 }
 
 /// Root of the mass-weighted mean square of vectors about their mean, in three dimensions.
-pub fn dispersion_of(particles: &[SphereParticle], mean: [f64; 3], vector_of: impl Fn(u32) -> [f64; 3]) -> f64 {
+fn dispersion_of(particles: &[SphereParticle], mean: [f64; 3], vector_of: impl Fn(u32) -> [f64; 3]) -> f64 {
     let mut sum = 0.0;
     let mut mass = 0.0;
     for p in particles {
@@ -108,16 +110,16 @@ pub fn dispersion_of(particles: &[SphereParticle], mean: [f64; 3], vector_of: im
 
 /// Axis ratios b/a and c/a, and the direction of the longest axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct HaloShape {
-    pub b_to_a: f64,
-    pub c_to_a: f64,
-    pub axis: [f64; 3],
+struct HaloShape {
+    b_to_a: f64,
+    c_to_a: f64,
+    axis: [f64; 3],
 }
 
 impl HaloShape {
     /// Of particles within an ellipsoid whose longest semi-axis is `radius`, each weighted by its mass over the square
     /// of its elliptical distance (Allgood et al. 2006). The axis has its largest component above 0.
-    pub fn new(particles: &[SphereParticle], radius: f64) -> Option<HaloShape> {
+    fn new(particles: &[SphereParticle], radius: f64) -> Option<HaloShape> {
         let mut shape = HaloShape { b_to_a: 1.0, c_to_a: 1.0, axis: [1.0, 0.0, 0.0] };
         let mut axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         for _ in 0..SHAPE_STEPS {
@@ -135,6 +137,7 @@ impl HaloShape {
             }
             let eigen = tensor.eigen();
             let [a, b, c] = eigen.values.map(|v| v.max(0.0).sqrt());
+            // Particles in one plane have no third axis to compare.
             if c <= 0.0 {
                 return None;
             }
@@ -155,7 +158,7 @@ impl HaloShape {
 
 /// The concentration of the profile of Navarro, Frenk and White (1997) that makes the distances of particles between
 /// `inner` and `radius` most likely; `None` at the ends of [`CONCENTRATIONS`].
-pub fn concentration(particles: &RadialParticles, inner: f64, radius: f64) -> Option<f64> {
+fn concentration(particles: &RadialParticles, inner: f64, radius: f64) -> Option<f64> {
     let (first, end) = (particles.count_within(inner), particles.count_within(radius));
     let inside = particles.particles.get(first..end).filter(|p| !p.is_empty())?;
     let mass: f64 = inside.iter().map(|p| p.mass).sum();
@@ -184,7 +187,104 @@ pub fn concentration(particles: &RadialParticles, inner: f64, radius: f64) -> Op
         }
     }
     let log_concentration = 0.5 * (low + high);
+    // At an end of the range the likeliest value lies beyond it.
     (log_concentration > ends[0] + 0.01 && log_concentration < ends[1] - 0.01).then(|| libm::exp(log_concentration))
+}
+
+/// A column that is measured of particles within R200m.
+pub struct HaloProperty {
+    pub name: &'static str,
+    pub description: &'static str,
+    pub kind: HaloPropertyKind,
+    /// Particles within R200m that it takes.
+    pub least: usize,
+}
+
+/// The unit of a property.
+#[derive(Clone, Copy, PartialEq)]
+pub enum HaloPropertyKind {
+    /// That of velocities.
+    Velocity,
+    /// km/s, of masses and radii: needs their units.
+    Circular,
+    /// The unit of length, where circular velocities are known.
+    Length,
+    Number,
+}
+
+const fn property(name: &'static str, kind: HaloPropertyKind, least: usize, description: &'static str) -> HaloProperty {
+    HaloProperty { name, description, kind, least }
+}
+
+/// All of them.
+pub const PROPERTIES: [HaloProperty; 12] = [
+    property("vx", HaloPropertyKind::Velocity, 100, "mean velocity within R200m, along x"),
+    property("vy", HaloPropertyKind::Velocity, 100, "mean velocity within R200m, along y"),
+    property("vz", HaloPropertyKind::Velocity, 100, "mean velocity within R200m, along z"),
+    property("vrms", HaloPropertyKind::Velocity, 300, "velocity dispersion in three dimensions within R200m"),
+    property("b_to_a", HaloPropertyKind::Number, 300, "ratio of the second to the longest axis (Allgood et al. 2006)"),
+    property("c_to_a", HaloPropertyKind::Number, 300, "ratio of the shortest to the longest axis"),
+    property("a_x", HaloPropertyKind::Number, 300, "direction of the longest axis, along x"),
+    property("a_y", HaloPropertyKind::Number, 300, "direction of the longest axis, along y"),
+    property("a_z", HaloPropertyKind::Number, 300, "direction of the longest axis, along z"),
+    property("vmax", HaloPropertyKind::Circular, 300, "largest circular velocity outside three softening lengths"),
+    property("rvmax", HaloPropertyKind::Length, 300, "radius of the largest circular velocity"),
+    property(
+        "c200c",
+        HaloPropertyKind::Number,
+        1000,
+        "concentration of the likeliest NFW profile, R200c / scale radius",
+    ),
+];
+
+/// A value for each of [`PROPERTIES`]; NaN where there is none. Circular velocities are the largest mass over radius.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SphereProperties(pub [f64; PROPERTIES.len()]);
+
+impl SphereProperties {
+    /// Of particles about a centre: circular velocities and profiles from the radius `inner` on, all up to `outer`,
+    /// R200m; `critical` = R200c. Those properties are measured for which `count` particles are enough.
+    pub fn new(
+        particles: &RadialParticles,
+        velocities: Option<&ParticleFields>,
+        [inner, outer]: [f64; 2],
+        critical: Option<f64>,
+        count: usize,
+    ) -> Self {
+        let inside = &particles.particles[..particles.count_within(outer)];
+        let enough = |i: usize| count >= PROPERTIES[i].least;
+        let mut all = [f64::NAN; PROPERTIES.len()];
+        if let Some(v) = velocities.filter(|_| enough(0)) {
+            let velocity_of = |i: u32| v.of(i as usize);
+            let mean = mean_of(inside, velocity_of);
+            all[..3].copy_from_slice(&mean);
+            if enough(3) {
+                all[3] = dispersion_of(inside, mean, velocity_of);
+            }
+        }
+        if let Some(shape) = enough(4).then(|| HaloShape::new(inside, outer)).flatten() {
+            all[4..6].copy_from_slice(&[shape.b_to_a, shape.c_to_a]);
+            all[6..9].copy_from_slice(&shape.axis);
+        }
+        if let Some(steepest) = enough(9).then(|| particles.steepest(inner, outer)).flatten() {
+            all[9..11].copy_from_slice(&steepest);
+        }
+        if let Some(radius) = critical.filter(|_| enough(11)) {
+            all[11] = concentration(particles, inner, radius).unwrap_or(f64::NAN);
+        }
+        SphereProperties(all)
+    }
+
+    /// Standard errors from values that each lack one part of the particles, times `scale`.
+    pub fn jackknife<const N: usize>(parts: &[SphereProperties; N], scale: f64) -> Self {
+        let n = N as f64;
+        let error = |k: usize| {
+            let mean = parts.iter().map(|p| p.0[k]).sum::<f64>() / n;
+            let square = parts.iter().map(|p| (p.0[k] - mean) * (p.0[k] - mean)).sum::<f64>();
+            scale * ((n - 1.0) / n * square).sqrt()
+        };
+        SphereProperties(std::array::from_fn(error))
+    }
 }
 
 #[cfg(test)]

@@ -80,6 +80,7 @@ fn filled(subject: Subject<'_>, grid: &Grid, context: &Context<'_>) -> Result<Ve
 }
 
 fn grid_of_edge(edge: f64, domain: &Domain) -> Result<Grid> {
+    // An edge that divides the box but for rounding makes no further cell.
     let along = domain.length.map(|l| (l / edge * (1.0 - 1e-9)).ceil().max(1.0));
     let cells: f64 = along.iter().product();
     if ASKED_CELLS.contains(&cells) {

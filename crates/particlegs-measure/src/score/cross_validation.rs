@@ -50,6 +50,7 @@ impl Halves<'_> {
         let models = [shells([Subject::Model(self.models[0]), b])?, shells([Subject::Model(self.models[1]), a])?];
         let mut from = 0.0;
         Ok(BANDS.map(|share| {
+            // A shell at the very end of a band belongs to it, whatever the rounding.
             let to = share * self.spectrum.k_max * (1.0 + 1e-9);
             let power = |shells: &[Shell]| cross_power(shells, from, to);
             let (truth, models) = (power(&truth), [power(&models[0]), power(&models[1])]);

@@ -45,6 +45,7 @@ impl DensityGrid {
         let unit_mass = particles.meta.particle_mass.unwrap_or(1.0);
         let scale = self.0.side.map(f64::recip);
         let corner: [f64; 3] = each_axis(|k| particles.origin[k] - self.0.min[k]);
+        // One product and one sum a coordinate: this is done for every particle.
         let offset: [f64; 3] = each_axis(|k| corner[k] * scale[k]);
         self.sum_parts(particles.len(), |grid, range| {
             let mut buffer = Default::default();
@@ -114,6 +115,7 @@ impl DensityGrid {
 
     /// The cell along `axis` that holds coordinate `u`, in cells: nearly always plainly inside.
     fn cell(&self, axis: usize, u: f64) -> usize {
+        // A cast cuts towards zero, which is the floor of what is not negative.
         let i = u as i32;
         if u >= 0.0 && (i as usize) < self.0.cells[axis] { i as usize } else { self.cell_beyond(axis, u) }
     }

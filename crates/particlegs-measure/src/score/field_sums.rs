@@ -69,6 +69,7 @@ impl FieldCells {
             return None;
         }
         let [a, b, c] = x.map(f64::to_bits);
+        // The bits are moved apart, or equal coordinates would cancel.
         let mut of_place =
             Random::from_purpose(Purpose::FieldHalves, self.seed ^ a.rotate_left(21) ^ b.rotate_left(42), c);
         Some(FieldPlace { cell: g.index(at) as u64, half: (of_place.bits() & 1) as usize })

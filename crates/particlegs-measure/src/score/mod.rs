@@ -12,10 +12,8 @@ mod density;
 mod evaluate;
 mod field_sums;
 mod goal;
-mod held_out;
 mod layers;
 mod match_groups;
-mod part_sums;
 mod pictures;
 mod region;
 mod science;
@@ -23,11 +21,9 @@ mod scores;
 mod subset;
 mod sums;
 #[cfg(test)]
-mod testing;
-#[cfg(test)]
 mod tests;
+mod truth;
 mod verdict;
-mod view_truth;
 mod views;
 
 pub use certify::CertificateInput;
@@ -39,16 +35,15 @@ pub use evaluate::evaluate;
 pub(crate) use evaluate::shot_noise;
 pub use field_sums::{FieldCellSums, FieldCellTable, FieldCells, FieldPlace, field_section};
 pub use goal::GoalMetric;
-pub(crate) use held_out::HeldOutPictures;
-pub use part_sums::PartSums;
 pub use region::{ParticlesWithModel, particles_of_region};
 #[cfg(test)]
 use science::mass_power;
 pub use science::spectrum_options;
 pub use scores::{Evaluation, LookScores, MeanViewScores, ViewScores};
-pub use sums::{MeasurementFrame, SumsSection};
+pub use sums::{MeasurementFrame, PartSums, SumsSection};
+pub(crate) use truth::HeldOutPictures;
+use truth::ViewTruth;
 pub use verdict::{Assessment, Grade, UseCase};
-use view_truth::ViewTruth;
 use views::certificate_views;
 pub use views::check_radius;
 pub use views::evaluation_views;

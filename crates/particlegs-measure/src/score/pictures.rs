@@ -80,6 +80,7 @@ impl SceneSetting {
 }
 
 fn over_views(views: &[LookScores]) -> LookSummary {
+    // A view without a value, identical or unlit, is not the worst one.
     let value = |s: &LookScores| s.model.masked_psnr.unwrap_or(f64::INFINITY);
     let worst = (0..views.len()).min_by(|&i, &j| value(&views[i]).total_cmp(&value(&views[j]))).unwrap_or(0);
     LookSummary { worst_view: worst as u8, mean: scores_of(views), worst: scores_of(&views[worst..=worst]) }

@@ -102,9 +102,11 @@ fn cropped(domain: &Domain, bounds: Bounds) -> Selection {
 /// more than `most` are left; bits of `seed` choose the halves.
 fn region(particles: &Particles, domain: &Domain, seed: u64, most: u64) -> Bounds {
     let (n, positions) = (particles.len(), POSITIONS.min(particles.len()));
+    // Particles at even steps; the product of two of their numbers may not fit into 64 bits.
     let place = |i: usize| domain.local(particles.position((i as u128 * n as u128 / positions as u128) as usize));
     let mut left: Vec<[f64; 3]> = (0..positions).map(place).collect();
     let (mut min, mut max) = ([0.0; 3], domain.length);
+    // The edges of a tilted box are no axes: the region is cut out of the particles' own bounds.
     if domain.tilt.is_some() {
         let mut around = Bounds::empty();
         left.iter().for_each(|p| around.include(*p));

@@ -66,6 +66,7 @@ pub(super) fn linking(domain: &Domain, spacing: f64) -> Option<GroupFinder<'_>> 
 /// The spectrum's grid and largest wave number for `n` particles.
 pub fn spectrum_options(domain: &Domain, n: usize) -> SpectrumOptions {
     let spacing = domain.spacing(n);
+    // One cell more by rounding would double the grid, whose edge is a power of two.
     let wanted_cells = (2.0 * domain.longest() / spacing * (1.0 - 1e-9)).ceil().min(MOST_CELLS as f64);
     let cells = (wanted_cells as usize).next_power_of_two().clamp(LEAST_CELLS, MOST_CELLS);
     let nyquist = PI * cells as f64 / domain.longest();

@@ -162,6 +162,7 @@ type Finding = (Grade, String);
 /// The smallest gain of the `expected` look, whose score has no sampling noise in it.
 fn pictures(c: &Certificate) -> Finding {
     let gains: Vec<PictureGain> = c.views.orbits.iter().filter_map(|o| PictureGain::new(&o.expected)).collect();
+    // One orbit in which the subset shows as much is enough.
     let beaten = gains.iter().any(|g| g.subset_is_better);
     let Some(worst) = gains.into_iter().min_by(|a, b| a.decibels.total_cmp(&b.decibels)) else {
         return (Grade::NotMeasured, "every pixel is black at the default radius and opacity".into());
@@ -266,6 +267,7 @@ fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Finding {
     let holds =
         |d: &CellDensity| d.correlation >= DENSITY_HOLDS && d.mean_absolute_error <= DENSITY_ERROR_HOLDS * trivial(d);
     let roughly = |d: &CellDensity| d.correlation >= DENSITY_ROUGHLY && d.mean_absolute_error < trivial(d);
+    // Sizes ascend: from the largest down, the last good one is the smallest.
     let from = |good: &dyn Fn(&CellDensity) -> bool| densities.iter().rev().take_while(|d| good(d)).last();
     let unit = unit.map_or(String::new(), |u| format!(" {u}"));
     let finding = |d: &CellDensity, word| {
@@ -324,6 +326,7 @@ fn wavenumber(k: f64) -> String {
 /// By counterparts and numbers, whichever is worse.
 fn matched_groups(classes: &[GroupClass; GROUP_CLASSES.len()]) -> Finding {
     let good = |c: &GroupClass, share: f64, number: f64| {
+        // A class without groups has no value, and judges nothing.
         let matched = |v: Option<f64>| v.is_none_or(|v| v >= share);
         matched(c.completeness) && matched(c.purity) && c.number.is_none_or(|n| (n - 1.0).abs() <= number)
     };
@@ -417,7 +420,7 @@ fn graded(holds: bool, roughly: bool) -> Grade {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::certificate;
+    use super::super::tests::certificate;
     use super::*;
     use particlegs_core::model::{
         CrossValidation, DensityMetrics, FieldAgreements, LookSummary, Pictures, ScienceMetrics, Spacing, Transfer,

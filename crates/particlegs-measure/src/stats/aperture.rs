@@ -65,6 +65,7 @@ pub fn counts_within(
         context.check()?;
         let mut count = 0;
         points.near(points.cell_of(*c), radius, |run, shift| {
+            // The centre is moved once, and not every point of the run.
             let at: [f64; 3] = each_axis(|k| c[k] - shift[k]);
             let inside =
                 |p: &&[f64; 3]| (0..3).map(|k| (p[k] - at[k]) * (p[k] - at[k])).sum::<f64>() <= radius * radius;

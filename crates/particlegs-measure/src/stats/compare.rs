@@ -1,7 +1,6 @@
 //! The whole job: everything that is asked for, of truth and other, over the truth's box.
 
-use super::boxes::check_boxes;
-use super::comparison_job::ComparisonJob;
+use super::comparison_job::{ComparisonJob, check_boxes};
 use super::dispersion::halo_dispersions;
 use super::haloes::HaloPlaces;
 use super::joint::joint_histograms;

@@ -91,6 +91,7 @@ pub fn compare_density(a: &Field, b: &Field) -> DensityComparison {
         let (x, y) = at(i);
         (x > 0.0 && y > 0.0).then(|| (libm::log(x), libm::log(y)))
     };
+    // The means come first: squares about them keep their digits.
     let [m, sx, sy] = sums(n, |i| logs(i).map_or([0.0; 3], |(x, y)| [1.0, x, y]));
     let (mx, my) = (sx / m.max(1.0), sy / m.max(1.0));
     let [xx, yy, xy] =
@@ -111,6 +112,7 @@ pub fn density_pdf(a: &Field, b: &Field) -> DensityPdf {
     const LOW: f64 = -3.0;
     const WIDTH: f64 = 0.1;
     let per = [per_mean(a), per_mean(b)];
+    // The mean itself is above the first edge, so that empty fields have bins as well.
     let highest =
         [a, b].iter().zip(per).map(|(f, p)| f.mass.iter().copied().fold(0.0, f32::max) as f64 * p).fold(1.0, f64::max);
     let bins = ((libm::log10(highest) - LOW) / WIDTH).floor() as usize + 1;

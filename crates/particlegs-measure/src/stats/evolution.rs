@@ -103,6 +103,7 @@ impl Evolution {
             let shells = transform.against_itself(context)?.shells.into_iter();
             let shell = |s: super::Shell| WaveShell { edges: s.edges, k: s.k, modes: s.modes, power: s.power[0] };
             statistics.spectrum = shells.map(shell).collect();
+            // Later frames go as far as the first, whatever their numbers of particles.
             self.options.k_max = Some(k_max);
         }
         if with_groups {

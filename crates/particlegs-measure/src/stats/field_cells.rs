@@ -1,10 +1,8 @@
 //! Fields of a model in the cells of a grid: means weighted by the mass that each Gaussian has in a cell.
 
-use super::cell_quantity::CellQuantity;
 use super::deposit::model_planes;
-use super::gaussian::DepositScratch;
+use super::gaussian::{CellQuantity, DepositScratch, Slab};
 use super::likelihood::{field_parts, is_sum};
-use super::slab::Slab;
 use super::{Grid, MeanAndDispersion};
 use particlegs_core::context::Context;
 use particlegs_core::math::{Sym3, dot, each_axis};

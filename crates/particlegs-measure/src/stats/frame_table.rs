@@ -71,6 +71,7 @@ impl FrameTable {
 pub(super) fn number(value: Option<f64>) -> String {
     match value.filter(|v| v.is_finite()) {
         None => String::new(),
+        // `{v}` has no exponent: far from 1 it would write hundreds of digits.
         Some(v) if v == 0.0 || (1e-4..1e17).contains(&v.abs()) => format!("{v}"),
         Some(v) => format!("{v:e}"),
     }

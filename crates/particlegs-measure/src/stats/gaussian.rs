@@ -1,4 +1,4 @@
-//! One Gaussian's mass in the cells of a grid.
+//! One Gaussian's mass, and the quantity that goes with it, in the cells of a grid: of the slab that one thread fills.
 //!
 //! A box integral of a turned Gaussian has no closed form, that of a round one is a product of
 //! three error functions. So each Gaussian is split along its principal axes into round ones of
@@ -6,9 +6,7 @@
 //! grid resolves the Gaussian, the density at the cells' centres is closer and faster (`resolved`).
 
 use super::Grid;
-use super::cell_quantity::CellQuantity;
 use super::resolved::ResolvedGaussian;
-use super::slab::{FLATTEST, SMALLEST, Slab};
 use particlegs_core::math::{Eigen, Sym3, each_axis, normal_share};
 use std::ops::Range;
 
@@ -16,6 +14,10 @@ use std::ops::Range;
 const STEP: f64 = 1.5;
 /// Gaussians end here, in deviations; the rest of their mass is in the last cell.
 const TAIL: f64 = 4.5;
+/// Kernels are never narrower than this share of a cell: what is smaller is a point to the grid.
+const SMALLEST: f64 = 0.1;
+/// Nor than this share of the largest deviation: a bound on the lattice, for flat Gaussians.
+const FLATTEST: f64 = 1.0 / 16.0;
 
 #[derive(Default)]
 pub(crate) struct DepositScratch {
@@ -54,6 +56,7 @@ impl DepositScratch {
         for k in 0..3 {
             nodes(&mut self.nodes[k], deviation[k] * deviation[k] - kernel * kernel, kernel);
         }
+        // Taken out, because `add_straight` borrows the whole scratch.
         let nodes = std::mem::take(&mut self.nodes);
         let v = &eigen.vectors;
         let inverse = cov.inverse().unwrap_or_default();
@@ -100,6 +103,63 @@ impl DepositScratch {
                 }
             }
         }
+    }
+}
+
+/// Some planes of a grid across x, and the sums in their cells.
+pub struct Slab<'a, S = f64> {
+    pub(crate) grid: &'a Grid,
+    /// Numbers of its planes.
+    pub(crate) planes: Range<usize>,
+    /// The cells of those planes alone.
+    pub(crate) cells: &'a mut [S],
+}
+
+impl<'a, S> Slab<'a, S> {
+    pub(crate) fn whole(grid: &'a Grid, cells: &'a mut [S]) -> Self {
+        Slab { grid, planes: 0..grid.cells[0], cells }
+    }
+
+    /// False where a Gaussian has nothing in the slab, by a generous bound.
+    pub(crate) fn may_hold(&self, mean: [f64; 3], cov: &Sym3) -> bool {
+        let (g, planes) = (self.grid, &self.planes);
+        // The lattice ends 3.5 deviations and a step from the mean along each principal axis, its
+        // kernel TAIL further; a kernel is at most the deviation along x or one of the two floors.
+        let kernel = cov.0[0].max(0.0).sqrt() + SMALLEST * g.side[0] + FLATTEST * cov.trace().max(0.0).sqrt();
+        let reach = (7.0 * cov.0[0].max(0.0).sqrt() + 7.5 * kernel) / g.side[0] + 1.0;
+        let (n, x) = (g.cells[0] as f64, (mean[0] - g.min[0]) / g.side[0]);
+        let (low, high) = (planes.start as f64 - reach, planes.end as f64 + reach);
+        if !g.periodic[0] {
+            return x >= low && x <= high;
+        }
+        high - low >= n || (x - low).rem_euclid(n) <= high - low
+    }
+}
+
+/// A quantity that goes with the mass of a Gaussian into cells: nothing, or a field.
+pub(crate) trait CellQuantity {
+    /// The sum in a cell.
+    type Sum: Copy + Default + Send;
+    /// Boxes that half a resolved Gaussian may fill along an axis.
+    const WIDEST: f64;
+    /// As it is where the Gaussian's covariance is widened to one of this inverse, which counts lengths in `side`.
+    fn widened(&self, inverse: &Sym3, side: [f64; 3]) -> Self;
+    /// As a round part of the Gaussian has it, `from_mean` from the mean and of this deviation.
+    fn part(&self, from_mean: [f64; 3], deviation: f64) -> Self;
+    fn add(&self, sum: &mut Self::Sum, mass: f64, from_mean: [f64; 3]);
+}
+
+impl CellQuantity for () {
+    type Sum = f64;
+    const WIDEST: f64 = 1.0;
+
+    fn widened(&self, _: &Sym3, _: [f64; 3]) {}
+
+    fn part(&self, _: [f64; 3], _: f64) {}
+
+    #[inline(always)]
+    fn add(&self, sum: &mut f64, mass: f64, _: [f64; 3]) {
+        *sum += mass;
     }
 }
 
@@ -153,6 +213,7 @@ pub(super) fn shares(out: &mut Vec<(usize, f64)>, g: &Grid, k: usize, mean: f64,
     }
     let (mut first, mut last) = ((x - TAIL * s).floor() as i64, (x + TAIL * s).floor() as i64);
     if !g.periodic[k] {
+        // One cell beyond each open edge takes in what the grid loses there.
         (first, last) = (first.max(-1), last.min(n));
     }
     // Wider than this the box is uniform to the model; a bound on the work of absurd files.
@@ -167,6 +228,7 @@ pub(super) fn shares(out: &mut Vec<(usize, f64)>, g: &Grid, k: usize, mean: f64,
     }
     let mut below = 0.0;
     for i in first..=last {
+        // The last cell takes the rest of the tail, unless an open edge cuts that off.
         let up_to = if i == last && (g.periodic[k] || last < n) { 1.0 } else { normal_share((i + 1) as f64 - x, s) };
         let share = up_to - below;
         below = up_to;

@@ -114,6 +114,7 @@ impl Grid {
         if u >= 0.0 && u < n as f64 {
             Some(u as usize)
         } else if self.periodic[axis] {
+            // The remainder of a tiny negative number is rounded up to n.
             Some(u.rem_euclid(n as f64) as usize % n)
         } else {
             (u == n as f64).then_some(n - 1)

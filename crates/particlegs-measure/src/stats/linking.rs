@@ -76,6 +76,7 @@ impl AxisSpread {
         // The widest gap between two parts; the one across the seam comes first.
         let gaps = parts.windows(2).map(|w| (w[1] - w[0], w[1], w[0]));
         let (_, from, to) = gaps
+            // An open edge has no seam: its stretch goes from the first part to the last.
             .filter(|_| domain.periodic[k])
             .fold((PARTS - last + first, first, last), |a, b| if b.0 > a.0 { b } else { a });
         let (low, high) = (self.0[k][from][0], self.0[k][to][1]);
@@ -122,6 +123,7 @@ fn finest(p: &Particles, positions: &[[f64; 3]], domain: &Domain) -> Option<Link
     let inside = |kind: &ParticleKind| (0..3).all(|k| region(kind)[k][1] <= WIDER * place[k][1]);
     let (inner, outer): (Vec<&ParticleKind>, Vec<&ParticleKind>) =
         kinds.iter().partition(|k| zoomed(k) && (alike(k, finest.mass) || inside(k)));
+    // Particles as light as these lie outside as well: it is no zoom.
     if outer.is_empty() || outer.iter().any(|k| alike(k, finest.mass)) {
         return None;
     }
@@ -146,6 +148,7 @@ impl LinkedParticles {
             Some(index) => index.into_iter().filter(|i| ranges.iter().any(|r| r.contains(&(*i as usize)))).collect(),
             None => ranges.iter().cloned().flatten().map(|i| i as u32).collect(),
         };
+        // The region stays, so that fewer particles lie further apart.
         let spacing = self.spacing * libm::cbrt(before as f64 / index.len().max(1) as f64);
         LinkedParticles { index: Some(index), spacing }
     }

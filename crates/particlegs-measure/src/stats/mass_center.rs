@@ -82,6 +82,7 @@ fn mass_center_of<'a>(
             let d = domain.shortest_way(each_axis(|k| p[k] - center[k]));
             (0..3).for_each(|k| step[k] += m * d[k] / mass);
         }
+        // Along an edge that mass fills, the ways cancel anywhere: the place stays.
         let free = each_axis(|a| if filled[a] { 0.0 } else { domain.along(&step, a) / domain.length[a] });
         let step = domain.turned(free);
         center = each_axis(|k| center[k] + step[k]);
@@ -101,6 +102,7 @@ pub fn mass_center_near(domain: &Domain, model: &Model, place: [f64; 3], radius:
     let mut parts: Vec<([f64; 3], Sym3, f64)> = Vec::new();
     for (unit, mixture) in super::subject::mixtures(model) {
         for i in 0..mixture.len() {
+            // A Gaussian times the window is a Gaussian: its mass and mean follow from the sum of covariances.
             let spread = mixture.cov_of(i).add(&window);
             let (inverse, det) = (spread.inverse()?, spread.det());
             parts.push((domain.local(mixture.mean_of(i)), inverse, unit * mixture.mass_of(i) / det.sqrt()));

@@ -2,18 +2,16 @@
 //!
 //! [`compare`] does the whole job over the truth's box ([`Domain`]). Densities are deposited on a [`Grid`] (`deposit`,
 //! `gaussian`, `resolved`; fields by `field_cells`), compared cell by cell (`density`) and transformed (`transform`)
-//! into P(k), r(k) and xi(r) (`spectrum`, `xi_transform`). Measures of neighbours sort positions into cells: pair
-//! counts (`points`, `pairs`), friends-of-friends groups (`groups`) and the mass in their cores (`aperture`); in zooms
-//! of the finest particles (`linking`); groups are compared by size (`sizes`); nearest neighbours use the particles'
-//! tree (`neighbours`). Pairs in linear bins are g(r) (`rdf`); densities along axes (`profile`) and about centres
-//! (`haloes`) are of particles or of the Gaussians themselves, which particles are scored under, too (`likelihood`).
-//! Particles with velocities (`velocities`) have power in redshift space and of their momentum (`multipoles`), and
-//! dispersions about centres (`dispersion`); those with scalars have joint histograms of two (`joint`). The frames of a
-//! series are measured one after the other (`evolution`); pictures of them follow centres of mass (`mass_center`).
+//! into P(k), r(k) and xi(r) (`spectrum`). Measures of neighbours sort positions into cells: pair counts (`points`,
+//! `pairs`), friends-of-friends groups (`groups`) and the mass in their cores (`aperture`); in zooms of the finest
+//! particles (`linking`); groups are compared by size (`group_report`); nearest neighbours use the particles' tree
+//! (`neighbours`). Pairs in linear bins are g(r) (`rdf`); densities along axes (`profile`) and about centres (`haloes`)
+//! are of particles or of the Gaussians themselves, which particles are scored under, too (`likelihood`). Particles
+//! with velocities (`velocities`) have power in redshift space and of their momentum (`multipoles`), and dispersions
+//! about centres (`dispersion`); those with scalars have joint histograms of two (`joint`). The frames of a series are
+//! measured one after the other (`evolution`); pictures of them follow centres of mass (`mass_center`).
 
 mod aperture;
-mod boxes;
-mod cell_quantity;
 mod compare;
 mod comparison_job;
 mod density;
@@ -39,20 +37,14 @@ mod points;
 pub(crate) mod presentation;
 mod profile;
 mod rdf;
-mod report;
 mod resolved;
-#[cfg(test)]
-mod scipy_tests;
 mod series_statistics;
-mod sizes;
-mod slab;
 mod spectrum;
-#[cfg(test)]
-mod spectrum_tests;
 mod subject;
+#[cfg(test)]
+mod tests;
 mod transform;
 mod velocities;
-mod xi_transform;
 
 pub use aperture::{ApertureMass, quantile};
 pub(crate) use aperture::{group_center, group_offsets, mean_place, shrunk_center};
@@ -68,8 +60,10 @@ pub use evolution::{FieldMean, FrameStatistics, WaveShell};
 pub use field_cells::field_in_cells;
 pub use frame_table::{FrameTable, kind_of};
 pub(crate) use gaussian::DepositScratch;
+pub use gaussian::Slab;
 pub use grid::{Assignment, Grid};
-pub use group_report::GroupReport;
+pub(crate) use group_report::{FEWEST_GROUPS, largest_deviation_of_numbers, size_histogram, sizes_within};
+pub use group_report::{GroupReport, SizeClass};
 pub use groups::Groups;
 pub(crate) use groups::{find_groups, longest_link};
 pub use haloes::HaloProfiles;
@@ -87,18 +81,15 @@ use particlegs_core::{Error, Result};
 use particlegs_particles::{Domain, Tilt};
 pub(crate) use points::{PointGrid, counterparts};
 pub use points::{gathered, local_positions};
+pub use presentation::StatsReport;
 pub use profile::AxisProfile;
-pub use report::StatsReport;
 pub use series_statistics::SeriesStatistics;
-pub use sizes::SizeClass;
-pub(crate) use sizes::{FEWEST_GROUPS, largest_deviation_of_numbers, size_histogram, sizes_within};
-pub use slab::Slab;
 pub(crate) use spectrum::{CachedTransform, spectra_of};
 pub use spectrum::{Shell, Spectra, SpectrumOptions, power_spectra};
 pub use subject::Subject;
+pub use transform::XiByTransform;
 pub(crate) use velocities::ParticleFields;
 pub use velocities::StatsSide;
-pub use xi_transform::XiByTransform;
 
 particlegs_core::named_values! {
     /// A group of measurements that can be chosen alone.

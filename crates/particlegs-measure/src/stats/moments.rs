@@ -22,6 +22,7 @@ type PowerSums = [f64; 5];
 
 /// Moments along x, y and z. Positions are taken as they are: a periodic box has no other origin.
 pub fn axis_moments(subject: Subject<'_>) -> [AxisMoments; 3] {
+    // About the middle of the box fourth powers keep their digits.
     let pivot = {
         let d = subject.domain();
         [0, 1, 2].map(|k| d.min[k] + 0.5 * d.length[k])

@@ -328,6 +328,7 @@ pub(super) fn show(pairs: Option<&[PairCounts; 2]>, transform: Option<&XiByTrans
     for curve in by_transform.iter_mut().flat_map(|parts| &mut parts[0].series) {
         (curve.name, curve.dashed) = (format!("{}, by transform", curve.name), true);
     }
+    // One plot has the curves of both; below it stands the ratio of pairs, if it has any.
     let mut all = by_pairs.into_iter().chain(by_transform);
     let Some(mut whole) = all.next() else { return };
     let mut more = all.flatten();

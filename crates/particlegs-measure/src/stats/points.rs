@@ -76,6 +76,7 @@ impl PointGrid {
         }
         particlegs_files::memory::require("a grid of neighbours", points_bytes(positions.len()))?;
         let (low, length) = extent(positions, domain);
+        // The edge of a cell where there are four a point; roots come first, as the volume may overflow.
         let least = length.map(libm::cbrt).iter().product::<f64>() / libm::cbrt(4.0 * positions.len().max(1) as f64);
         let mut side = side.max(least).max(f64::MIN_POSITIVE);
         let count = |side: f64| length.map(|l| (l / side).floor().max(1.0));

@@ -1,7 +1,10 @@
 //! Presentation of results: tables as CSV, plots, and lines of text. Each measure adds its own to a [`Presentation`],
-//! by `show` in its module.
+//! by `show` in its module; a [`StatsReport`] writes all of a comparison.
 
+use super::compare::show;
+use super::{Statistics, StatsOptions, StatsSide, compare};
 use particlegs_core::Result;
+use particlegs_core::context::Context;
 use particlegs_core::model::per_length;
 use particlegs_core::picture::{Rgb8, Size};
 use particlegs_core::text::one_line;
@@ -9,14 +12,89 @@ use particlegs_figure::png_file::PngMetadata;
 use particlegs_figure::{
     Figure, FigureImage, FigureSpace, FileKind, Plot, PlotAxis, PlotSeries, Point, layout, raster, write_plots,
 };
-use particlegs_files::output::write_bytes;
+use particlegs_files::output::{Outputs, write_bytes, write_json};
 use particlegs_files::png::write_png;
-use std::path::Path;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
 
 /// Font size of figures, pixels; on a page, points, and its width.
 const LETTERS: f64 = 16.0;
 const POINTS: f64 = 9.0;
 const PAGE: f64 = 500.0;
+
+/// Statistics of two inputs, with their names.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StatsReport {
+    /// The truth's name.
+    pub truth: String,
+    /// The other's name.
+    pub other: String,
+    /// Unit of length of the truth, as text.
+    pub length_unit: Option<String>,
+    /// Version of the program.
+    pub tool_version: &'static str,
+    /// The statistics.
+    #[serde(flatten)]
+    pub statistics: Statistics,
+}
+
+impl StatsReport {
+    /// Compares `other` with `truth`, each with its name, as [`compare`] does. Notes also go to the context.
+    ///
+    /// # Errors
+    /// Those of [`compare`].
+    pub fn new(
+        truth: (StatsSide<'_>, &str),
+        other: (StatsSide<'_>, &str),
+        options: &StatsOptions,
+        context: &Context<'_>,
+    ) -> Result<StatsReport> {
+        let statistics = compare(truth.0, other.0, options, context)?;
+        statistics.notes.iter().for_each(|note| context.note(note));
+        Ok(StatsReport {
+            truth: truth.1.into(),
+            other: other.1.into(),
+            length_unit: truth.0.subject.unit_system().units.length_text().map(String::from),
+            tool_version: env!("CARGO_PKG_VERSION"),
+            statistics,
+        })
+    }
+
+    /// Writes `stats.json`, a CSV table of each measure, pictures of the density, and plots of each kind into a folder,
+    /// all or none. Lengths are in the unit of length.
+    ///
+    /// # Errors
+    /// [`particlegs_core::Error::Output`] for a file that is there and was not made by this function;
+    /// [`particlegs_core::Error::Io`].
+    pub fn write(
+        &self,
+        folder: &Path,
+        plots: &[FileKind],
+        outputs: &Outputs,
+        context: &Context<'_>,
+    ) -> Result<Vec<PathBuf>> {
+        let fill = |folder: &Path| {
+            self.presentation().write(folder, plots)?;
+            write_json(&folder.join("stats.json"), self)
+        };
+        outputs.write_set(folder, fill, context)
+    }
+
+    /// The most important figures, a line each.
+    pub fn text(&self) -> String {
+        self.presentation().text
+    }
+
+    fn presentation(&self) -> Presentation {
+        let s = &self.statistics;
+        let side =
+            |side: usize| format!("{}{} particles", if s.model[side] { "model of " } else { "" }, s.particles[side]);
+        let first = format!("truth {}, other {}", side(0), side(1));
+        let mut presentation = Presentation::new(self.length_unit.as_deref(), first);
+        show(s, &mut presentation);
+        presentation
+    }
+}
 
 /// Tables, plots and text of statistics; each measure adds its own, where it was taken.
 pub(crate) struct Presentation {
@@ -178,6 +256,7 @@ pub(crate) fn compared(
 fn ratio_plot(x: &PlotAxis, mut ratio: Points) -> ChartParts {
     ratio.retain(|p| p.1.is_finite());
     let reach = (1.15 * ratio.iter().map(|p| (p.1 - 1.0).abs()).fold(0.0, f64::max)).clamp(0.15, 1.0);
+    // A ratio beyond the axis would be a gap: it stands at the edge.
     ratio.iter_mut().for_each(|p| p.1 = p.1.clamp(1.0 - reach, 1.0 + reach));
     let axes = [x.clone(), PlotAxis::ratios("other / truth", [1.0 - reach, 1.0 + reach])];
     let mut parts = chart("", "", axes, vec![curve("", OTHER, false, ratio)], Vec::new());
@@ -194,6 +273,7 @@ pub(crate) fn block_picture<T: Copy>(
 ) -> FigureImage {
     let size = Size { width: columns * scale, height: rows * scale };
     let pixel = |at: usize| {
+        // Pictures begin at the top, and axes at the bottom.
         let (across, up) = (at % size.width / scale, rows - 1 - at / size.width / scale);
         color(values[across * rows + up])
     };

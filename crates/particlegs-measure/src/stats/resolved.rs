@@ -6,8 +6,7 @@
 //! divided, and what the parts hold is added up.
 
 use super::Grid;
-use super::cell_quantity::CellQuantity;
-use super::slab::Slab;
+use super::gaussian::{CellQuantity, Slab};
 use particlegs_core::math::{Sym3, each_axis};
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -111,6 +110,7 @@ impl<Q: CellQuantity> ResolvedGaussian<Q> {
             let plane = place(g, 0, i).map(|p| p >> self.halvings);
             let Some(plane) = plane.filter(|p| planes.contains(p)) else { continue };
             let dx = i as f64 + 0.5 - self.mean[0];
+            // The rest of the exponent that y and z may use up in this plane.
             let left = most - self.line * dx * dx;
             if left <= 0.0 {
                 continue;
@@ -140,6 +140,7 @@ impl<Q: CellQuantity> ResolvedGaussian<Q> {
         }
         let dz = run.start as f64 + 0.5 - middle;
         let mut value = self.peak * libm::exp(-0.5 * (least + zz * dz * dz));
+        // exp(-zz (dz + 1)^2 / 2) over exp(-zz dz^2 / 2): the step to the next part.
         let mut ratio = libm::exp(-zz * (dz + 0.5));
         let mut k = run.start.rem_euclid(n) as usize;
         for part in run {

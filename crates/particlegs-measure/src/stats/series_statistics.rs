@@ -50,6 +50,7 @@ impl SeriesStatistics {
         choose: impl Fn(Model) -> Result<Model>,
         context: &Context<'_>,
     ) -> Result<Self> {
+        // All measures are the default: those that need two inputs are then left out without a word.
         let pairs = options.measures.iter().find(|m| !Self::MEASURES.contains(m));
         if let Some(measure) = pairs.filter(|_| options.measures.len() < Measure::ALL.len()) {
             let names = Self::MEASURES.map(Measure::name).join(" and ");

@@ -240,6 +240,7 @@ pub(super) fn displacement(subjects: [Subject<'_>; 2], unit: Option<&str>) -> st
         }
     };
     let size = units.length.as_ref().and_then(|u| u.si);
+    // 1 / H0 goes as 1 / h, and units such as Mpc/h have powers of h of their own: they may cancel.
     let power = -1.0 - size.map_or(0.0, |s| f64::from(s.h));
     let a = stated("the scale factor", true, |e, _| e.scale_factor)?;
     let h = stated("h", power != 0.0, |_, c| c.hubble)?;

@@ -38,6 +38,7 @@ pub fn divide(
         context.check()?;
         buffers.with(|buffer| {
             let chunk = particles.chunk(run.clone(), buffer);
+            // Blocks are found a second time: kept from the count, they would take four bytes a particle.
             let mut at = vec![0usize; blocks];
             for (i, block) in blocks_of(&chunk).into_iter().enumerate() {
                 let (to, at) = (&mut place[block as usize], &mut at[block as usize]);

@@ -5,11 +5,9 @@
 //! number of particles the same few megabytes are held.
 
 mod divide;
-mod sample;
 mod scan;
 mod tree;
 
 pub use divide::divide;
-pub use sample::PositionSample;
-pub use scan::{RunScan, SnapshotScan};
+pub use scan::{PositionSample, RunScan, SnapshotScan};
 pub use tree::KdTree;

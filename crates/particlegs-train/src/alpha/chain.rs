@@ -121,6 +121,7 @@ fn scales_and_rotation(one: &GaussianParameters, factor: f64, with_cov: &[[f64; 
 
 /// Changes with a quaternion's numbers, from those with its matrix.
 fn with_quaternion([w, x, y, z]: [f64; 4], d: impl Fn(usize, usize) -> f64) -> [f64; 4] {
+    // Off the diagonal the matrix has 2 (x y - w z) and 2 (x y + w z): w goes with differences, the rest with sums.
     let pair = |i: usize, j: usize| (d(i, j) + d(j, i), d(j, i) - d(i, j));
     let ((s01, a01), (s02, a02), (s12, a12)) = (pair(0, 1), pair(0, 2), pair(1, 2));
     let (d0, d1, d2) = (d(0, 0), d(1, 1), d(2, 2));

@@ -41,7 +41,7 @@ pub struct AlphaConfig {
     pub reset_every: u64,
     /// Gaussians at most: beyond, only those with the largest gradients are added; `None` (0 in a file) = as
     /// many as [`crate::Defaults::gaussians`] says.
-    #[serde(with = "crate::zero_is_none")]
+    #[serde(with = "crate::config::zero_is_none")]
     pub most_gaussians: Option<u64>,
 }
 
@@ -118,6 +118,7 @@ impl AlphaConfig {
     /// Adam's rate for positions at the step of that number, counted from 1.
     pub(crate) fn position_rate_at(&self, step: u64) -> f64 {
         let t = (step as f64 / self.position_rate_steps.max(1) as f64).min(1.0);
+        // A rate of 0 has no logarithm; the smallest positive number moves nothing either.
         let [from, to] = [self.position_rate, self.position_rate_end].map(|r| r.max(f64::MIN_POSITIVE).ln());
         self.extent * (from + (to - from) * t).exp()
     }

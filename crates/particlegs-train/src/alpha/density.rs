@@ -49,6 +49,7 @@ impl AlphaLearner {
             // Each adds one.
             chosen.sort_by(|a, b| gradient[*b].total_cmp(&gradient[*a]).then(a.cmp(b)));
             chosen.truncate(usize::try_from(most).unwrap_or(usize::MAX).saturating_sub(n));
+            // Gaussians are added in their own order, whether there is a limit or not.
             chosen.sort_unstable();
         }
         let largest = self.config.percent_dense * self.config.extent;
@@ -95,6 +96,7 @@ impl AlphaLearner {
         let most = (most / (1.0 - most)).ln() as f32;
         self.gaussians.parameters.0[ParameterGroup::Opacity as usize].iter_mut().for_each(|v| *v = v.min(most));
         let Averages { first, second, .. } = &mut self.gaussians.averages[ParameterGroup::Opacity as usize];
+        // As in 3DGS: gradients from before the reset say nothing about the new opacities.
         [first, second].into_iter().for_each(|column| column.fill(0.0));
     }
 

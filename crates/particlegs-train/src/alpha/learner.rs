@@ -1,8 +1,7 @@
 //! The alpha-blend law as something to be trained.
 
 use super::config::AlphaConfig;
-use super::parameters::{AlphaParameters, GROUPS, ParameterGroup};
-use super::state::{Gaussians, TrainingScale};
+use super::parameters::{AlphaParameters, GROUPS, Gaussians, ParameterGroup, TrainingScale};
 use super::steps::{AlphaStepper, StepSize};
 use crate::adam::Averages;
 use crate::learner::{Learner, StepInfo, StepReport, TrainingSample};

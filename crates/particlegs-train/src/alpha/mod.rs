@@ -1,7 +1,7 @@
 //! Training of the alpha-blend law: 3-D Gaussian splatting as published, with the network that
 //! follows radius and opacity (paper section III).
 //!
-//! `learner` holds the [`Gaussians`] in the training frame (`state`, `parameters`, `start`). A step
+//! `learner` holds the [`Gaussians`] in the training frame (`parameters`, `start`). A step
 //! ([`AlphaStepper`]) is a `pass`: adapt, draw, then back again, tile by tile (`raster`), Gaussian by Gaussian
 //! (`chain`) and through the network (`network`); and Adam. `density` clones, splits and prunes as published. The
 //! rates and all other options stand in [`AlphaConfig`].
@@ -10,24 +10,19 @@ mod chain;
 mod config;
 mod density;
 mod learner;
-mod nearest;
 mod network;
 mod parameters;
 mod pass;
 mod raster;
 mod start;
-mod state;
 mod steps;
 
 #[cfg(test)]
 mod learner_tests;
 #[cfg(test)]
 mod tests;
-#[cfg(test)]
-mod twin;
 
 pub use config::AlphaConfig;
 pub(crate) use learner::AlphaLearner;
-pub use parameters::{AlphaParameters, GROUPS, SH0};
-pub use state::{Gaussians, TrainingScale};
+pub use parameters::{AlphaParameters, GROUPS, Gaussians, SH0, TrainingScale};
 pub use steps::{AlphaCpuSteps, AlphaStepper, StepSize};

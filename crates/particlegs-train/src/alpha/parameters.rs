@@ -1,11 +1,75 @@
-//! Gaussians as parameters in training: f32 columns in the training frame.
+//! Gaussians of the alpha-blend law in training: the numbers that steps move, f32 columns in the training frame, and
+//! the scale of their snapshot.
 
+use crate::adam::Averages;
+use crate::learner::TrainingSample;
 use particlegs_core::camera::Normalisation;
 use particlegs_core::math::{Sym3, each_axis};
-use particlegs_core::model::Mixture;
-use particlegs_core::render::alpha::Gaussian;
-use particlegs_core::render::alpha::network::Adaptation;
+use particlegs_core::model::{Mixture, VIZMAPPER_PARAMETERS, VizMapper};
+use particlegs_core::render::alpha::network::{Adaptation, Setting};
+use particlegs_core::render::alpha::{Eye, Gaussian};
 use particlegs_core::{Error, Result};
+
+/// Properties of the snapshot that a learner needs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrainingScale {
+    pub frame: Normalisation,
+    /// Default radius, world units.
+    pub radius: f64,
+    /// Default opacity.
+    pub opacity: f64,
+    /// Particles that the Gaussians stand for.
+    pub particles: u64,
+    pub seed: u64,
+}
+
+/// Gaussians in training with their network, and what Adam and density control remember of them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gaussians {
+    pub scale: TrainingScale,
+    pub parameters: AlphaParameters,
+    /// Adam's, a group each.
+    pub averages: [Averages; GROUPS],
+    pub mapper: Option<VizMapper>,
+    pub mapper_averages: Averages,
+    /// Of each Gaussian since the last densification: sizes of the changes with its centre on the picture, and in
+    /// how many pictures it was seen.
+    pub screen: Vec<[f32; 2]>,
+}
+
+impl Gaussians {
+    /// Before the first step.
+    pub(super) fn new(parameters: AlphaParameters, mapper: Option<VizMapper>, scale: TrainingScale) -> Self {
+        let n = parameters.len();
+        Gaussians {
+            scale,
+            averages: ParameterGroup::ALL.map(|g| Averages::zeros(n * g.width())),
+            mapper_averages: Averages::zeros(if mapper.is_some() { VIZMAPPER_PARAMETERS } else { 0 }),
+            screen: vec![[0.0; 2]; n],
+            parameters,
+            mapper,
+        }
+    }
+
+    /// The network's setting for a picture: radius and opacity over the defaults.
+    pub fn setting(&self, sample: &TrainingSample<'_>) -> Setting {
+        let TrainingScale { radius, opacity, .. } = self.scale;
+        Setting { radius: sample.view.radius / radius, opacity: sample.view.opacity / opacity }
+    }
+
+    /// The camera of a sample in the training frame.
+    pub fn eye(&self, sample: &TrainingSample<'_>) -> Result<Eye> {
+        Ok(Eye::new(sample.view, sample.crop.full, &self.scale.frame)?.part(sample.crop.corner, sample.crop.size))
+    }
+
+    /// Those of a mixture of this law as they are, and its network where it has one, before the first step.
+    pub fn from_mixture(mixture: &Mixture, scale: TrainingScale) -> Result<Self> {
+        let mut parameters = AlphaParameters::default();
+        parameters.push_mixture(mixture, &scale.frame)?;
+        let network = mixture.law.alpha_blend().and_then(|law| law.vizmapper.as_deref().cloned());
+        Ok(Gaussians::new(parameters, network, scale))
+    }
+}
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ParameterGroup {
@@ -104,6 +168,7 @@ impl GaussianParameters {
         let triple = a[0] * (b[1] * c[2] - b[2] * c[1])
             + a[1] * (b[2] * c[0] - b[0] * c[2])
             + a[2] * (b[0] * c[1] - b[1] * c[0]);
+        // Eigenvectors can be left-handed, and no quaternion stands for a reflection.
         if triple < 0.0 {
             axes[2] = c.map(|v| -v);
         }
@@ -112,6 +177,7 @@ impl GaussianParameters {
             // Not the maximum of the two: a value that is not a number must be seen.
             log_scale: e.values.map(|v| if v < LEAST_SQUARE { LEAST_SQUARE } else { v }.ln() * 0.5),
             rotation: quaternion(axes),
+            // Opacities of 0 and 1 have no finite logit.
             logit: logit(opacity.clamp(1e-6, 1.0 - 1e-6)),
             feature: feature(grey),
         }

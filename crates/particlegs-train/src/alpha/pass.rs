@@ -44,6 +44,7 @@ pub(super) struct Gradient {
 
 /// Whether all of a Gaussian's numbers are finite.
 fn fine(one: &GaussianParameters) -> bool {
+    // One test is enough: a sum is not finite if one of its numbers is not.
     let sum = one.position.iter().sum::<f64>() + one.rotation.iter().sum::<f64>() + one.mean_log_scale();
     (sum + one.logit + one.feature).is_finite()
 }

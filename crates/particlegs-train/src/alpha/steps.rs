@@ -1,8 +1,7 @@
 //! A step: a picture drawn, its loss, the gradient of that, and Adam. On the processor here; a device's are its own.
 
-use super::parameters::{AlphaParameters, GROUPS, ParameterGroup};
+use super::parameters::{AlphaParameters, GROUPS, Gaussians, ParameterGroup};
 use super::pass::{ForwardPass, LoadedNetwork, faults};
-use super::state::Gaussians;
 use crate::adam::Adam;
 use crate::learner::{NonFiniteGradient, StepReport, TrainingSample};
 use crate::loss::Loss;

@@ -2,7 +2,7 @@
 //! neighbour, and their places go to halves of those whose gradients are the largest. Counts and first
 //! and second moments stay exactly what they were.
 
-use super::columns::{DepthGaussians, Numbers};
+use super::parameters::{DepthGaussians, Numbers};
 use particlegs_core::math::{Sym3, each_axis};
 use particlegs_core::model::Mixture;
 use particlegs_core::parallel;

@@ -1,7 +1,7 @@
 //! Neighbouring Gaussians whose counts keep their sum: pictures move mass between neighbours,
 //! not across the box. The largest scales' power, and what is drawn with a large radius, hang on that.
 
-use super::columns::{FrameChange, Numbers};
+use super::parameters::{FrameChange, Numbers};
 
 /// Share of a group's straying that is mended at each coding, and the farthest that goes.
 const CHASE: f64 = 0.2;

@@ -7,10 +7,7 @@
 //! covariance and count. A step moves them ([`DepthStepper`]) in each Gaussian's own frame.
 
 mod adjoint;
-mod coded;
-mod columns;
 mod config;
-mod curve;
 mod density;
 mod gather;
 mod groups;
@@ -22,9 +19,8 @@ mod steps;
 #[cfg(test)]
 mod tests;
 
-pub use columns::{DepthGaussians, Numbers};
 pub use config::{DepthConfig, DepthRates};
 pub use groups::GaussianGroups;
 pub(crate) use learner::{DepthContext, DepthLearner};
-pub use parameters::{Parameters, WIDTHS};
+pub use parameters::{DepthGaussians, Numbers, Parameters, WIDTHS};
 pub use steps::{DepthCpuSteps, DepthStepper, LEAST_EPSILON, StepSize};

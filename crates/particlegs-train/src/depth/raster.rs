@@ -48,6 +48,7 @@ impl Tape {
     ) -> Result<Tape> {
         let mut lens = Lens::optical(view, crop.full, bounds)?;
         for k in 0..2 {
+            // A crop is the whole picture with its centre moved.
             lens.center[k] -= crop.corner[k] as f64;
         }
         let levels = pyramid::levels(crop.size);
@@ -96,6 +97,7 @@ impl Tape {
         for (row, from) in by_tau.data.chunks_exact(width).enumerate() {
             base[(row + PAD) * level.stride + PAD..][..width].copy_from_slice(from);
         }
+        // Coarser planes than the pieces use need no gradient.
         let used = self.runs.iter().flatten().map(|p| p.placed.level).max().unwrap_or(0);
         let mut planes = vec![base];
         for l in 1..=used {
@@ -114,6 +116,7 @@ fn project_run(
     lens: &Lens,
     levels: &[Level],
 ) -> (Vec<FootprintPiece>, StrokeBins) {
+    // A guess: some Gaussians are cut into several pieces along depth.
     let mut binner = Binner::new(levels, range.len() + range.len() / 4);
     let mut pieces = Vec::with_capacity(range.len());
     for i in range {

@@ -1,9 +1,8 @@
 use super::adjoint::GaussianGradient;
-use super::columns::{DepthGaussians, FrameChange};
 use super::config::DepthConfig;
 use super::groups::GaussianGroups;
 use super::learner::{DepthContext, DepthLearner};
-use super::parameters::Parameters;
+use super::parameters::{DepthGaussians, FrameChange, Parameters};
 use super::raster::Tape;
 use super::steps::{DepthCpuSteps, DepthStepper};
 use crate::learner::{Densify, Learner, StepInfo, TrainingSample};

@@ -70,6 +70,7 @@ impl FrameRange {
     /// Refuses a range without frames, backwards, or of more frames than a series holds.
     fn check(self) -> Result<FrameRange> {
         let FrameRange { first, end, step } = self;
+        // `first` is not negative where the difference is taken, so that cannot overflow.
         if first < 0 || end <= first || step < 1 || (end - first) / step >= MOST_FRAMES as i64 {
             return Err(Error::argument(format!(
                 "there are no such frames: from {first} to before {end}, every {step}"
@@ -257,6 +258,7 @@ impl<'a> SeriesWork<'a> {
     fn new(choice: &'a Choice, output: &Path, options: &'a SeriesOptions, context: &'a Context<'a>) -> Result<Self> {
         let mut compress = options.compress.clone();
         compress.read.extend(choice.options());
+        // Aligned particles are others, and the recipe must say so.
         compress.read.extend(options.align.iter().map(|text| ("align".to_string(), text.clone())));
         if compress.memory.is_some() {
             compress.storage = Storage::Disk(output::scratch_folder(output));
@@ -269,11 +271,13 @@ impl<'a> SeriesWork<'a> {
     /// Text of all options that decide the bytes of a frame.
     fn recipe(&self) -> String {
         let Options { certificate, memory, blocks, .. } = &self.compress;
+        // Blocks follow from the particles of each frame, so their options stand below instead of a number.
         let mut recipe = json!({
             "model": self.compress.recipe(1), "keyframe_interval": self.options.keyframe_interval,
             "certificate": certificate.name(),
         });
         if self.options.frames.is_some() {
+            // Without the range, so that a longer one goes on with the same series.
             recipe["trajectory"] = true.into();
         }
         if memory.is_some() || blocks.is_some() {
@@ -419,6 +423,7 @@ struct Aligner {
 impl Aligner {
     fn new(text: &str, choice: &Choice) -> Result<Aligner> {
         let select = AtomSelection::parse(text).map_err(|e| Error::argument(format!("align: {e}")))?;
+        // The atoms to align by are taken from all, whichever are compressed.
         let chosen = Choice { select: Some(select), species: Vec::new(), selection: None, ..choice.clone() };
         Ok(Aligner { chosen, first: None })
     }

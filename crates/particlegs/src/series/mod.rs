@@ -112,6 +112,7 @@ impl Series {
         if between {
             return self.at(time, context);
         }
+        // There is one: the time is not between frames.
         let number = self.decoder().series().frame_at(time).unwrap_or_default();
         self.frame(number, context)
     }

@@ -1,9 +1,8 @@
 //! From a scene's Gaussians to those of a view: into the training frame, bent for its radius and
 //! opacity.
 
-use super::eye::Eye;
 use super::network::{Adaptation, Network, Setting, inputs, outputs};
-use super::project::{Gaussian, GreyCameraGaussian};
+use super::project::{Eye, Gaussian, GreyCameraGaussian};
 use crate::camera::{Normalisation, View};
 use crate::context::{Context, Level};
 use crate::math::{Sym3, each_axis};
@@ -155,6 +154,7 @@ impl Model {
                     .map_err(|(i, message)| Error::argument(format!("Gaussian {i}: {message}")))
             })?;
             for (i, g) in bent.into_iter().flatten().enumerate() {
+                // From the training frame back to world units.
                 (0..6).for_each(|k| m.cov[k][i] = g.cov.0[k] / (frame.scale * frame.scale));
                 if let Some(law) = m.law.alpha_blend_mut() {
                     law.opacity[i] = g.opacity;

@@ -1,8 +1,7 @@
 //! The law as a reader would write it: f64, pixel by pixel, every Gaussian.
 
-use super::eye::Eye;
 use super::plan::CutOffs;
-use super::project::Gaussian;
+use super::project::{Eye, Gaussian};
 use crate::math::each_axis;
 
 type Matrix3 = [[f64; 3]; 3];

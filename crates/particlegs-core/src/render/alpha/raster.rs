@@ -1,7 +1,6 @@
 //! Blends footprints front to back.
 
-use super::bin::TILE;
-use super::plan::{CutOffs, Plan};
+use super::plan::{CutOffs, Plan, TILE};
 use super::project::Splat;
 use crate::context::Context;
 use crate::math::exp2;

@@ -61,6 +61,7 @@ pub fn misses(lens: &Lens, g: &CameraGaussian) -> bool {
             let (beyond, lean, round) =
                 if lens.perspective { (at - t * depth, along - t, 1.0 + t * t) } else { (at - t, along, 1.0) };
             let (beyond, spread) = (beyond * t.signum(), rest + lean * lean * zz);
+            // Seven deviations beyond a plane nothing of a Gaussian shows.
             beyond > 0.0 && beyond * beyond > 49.0 * (spread + lens.radius2 * round)
         })
     })
@@ -145,6 +146,7 @@ fn slice<const N: usize>(lens: &Lens, mean: f64, variance: f64, mut emit: impl F
     let step = if lens.perspective { STEP.min(gaussian_step) } else { gaussian_step };
     let steps = (length / step).ceil().clamp(1.0, MOST);
     let step = length / steps;
+    // A cubic spline spans four steps, so there are three more splines than steps.
     let mut pieces = vec![[0.0f64; N]; steps as usize + 3];
     let points = steps as usize * POINTS;
     for i in 0..points {

@@ -1,11 +1,13 @@
-//! Draws strokes on a band of rows.
+//! The planes of a picture while strokes are drawn on them, band by band of rows.
 
-mod canvas;
 pub mod pyramid;
 
-pub(super) use canvas::{RasterCanvas, clip};
-
-use super::bin::RasterSplat;
+use self::pyramid::{BAND, Level as PlaneLevel, PAD};
+use super::bin::{RasterSplat, StrokeBins};
+use super::scratch::Scratch;
+use crate::context::Context;
+use crate::picture::{PlaneRows, Size};
+use crate::{Result, parallel};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, Simd, f32x8};
 
@@ -34,6 +36,7 @@ fn draw_all<S: Simd>(simd: S, band: &mut Band, splats: &[RasterSplat]) {
         let y = s.y - band.first as f32;
         let top = (y - s.half).ceil().max(0.0) as usize;
         let bottom = (y + s.half).floor().min(rows as f32 - 1.0);
+        // Compared as a float, since the cast below would make row 0 of what ends above the band.
         if bottom < 0.0 {
             continue;
         }
@@ -83,4 +86,76 @@ pub fn exp2<S: Simd>(x: f32x8<S>) -> f32x8<S> {
     let p = p * f + 0.693_121_8;
     let p = p * f + 0.999_999_3;
     f32x8::from_bits(p.to_bits() + (shifted.to_bits() << 23))
+}
+
+/// Strokes drawn between two looks at whether to stop.
+const CHECK: usize = 4096;
+
+/// Planes of a picture, finest first.
+pub(super) struct RasterCanvas<'a> {
+    pub levels: Vec<PlaneLevel>,
+    planes: &'a mut [Vec<f32>],
+}
+
+impl<'a> RasterCanvas<'a> {
+    pub fn new(size: Size, scratch: &'a mut Scratch, context: &Context<'_>) -> Result<Self> {
+        let levels = pyramid::levels(size);
+        let lengths = levels.iter().map(|l| l.stride * l.rows);
+        context.require_memory("a picture", 4 * lengths.clone().sum::<usize>() as u64)?;
+        let planes = scratch.planes(lengths, context)?;
+        for (plane, l) in planes.iter_mut().zip(&levels) {
+            parallel::for_each_chunk(plane, l.stride * BAND, |_, band| band.fill(0.0));
+        }
+        Ok(RasterCanvas { levels, planes })
+    }
+
+    /// Adds strokes, in their order.
+    pub fn draw(&mut self, bins: &[StrokeBins], context: &Context<'_>) -> Result<()> {
+        let simd = context.simd();
+        let bands = self.levels.iter().zip(&mut *self.planes).flat_map(|(level, plane)| {
+            plane.chunks_mut(level.stride * BAND).enumerate().map(move |(b, data)| (level, b, data))
+        });
+        parallel::try_for_each(bands, |(level, b, data)| {
+            let mut band = Band { data, stride: level.stride, width: level.size.width + 2 * PAD, first: b * BAND };
+            let number = level.first_band + b;
+            for bin in bins {
+                for splats in bin.strokes[bin.starts[number] as usize..bin.starts[number + 1] as usize].chunks(CHECK) {
+                    context.check()?;
+                    draw(simd, &mut band, splats);
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// The planes summed, without the pad. The interpolation may undershoot: see [`clip`].
+    pub fn finish(self, context: &Context<'_>) -> PlaneRows<'a> {
+        for l in (1..self.levels.len()).rev() {
+            let (finer, coarser) = self.planes.split_at_mut(l);
+            let levels = [&self.levels[l], &self.levels[l - 1]];
+            pyramid::add_up(context.simd(), levels, &coarser[0], &mut finer[l - 1]);
+        }
+        let PlaneLevel { size, stride, .. } = self.levels[0];
+        PlaneRows { size, stride, data: &mut self.planes[0][PAD * stride + PAD..] }
+    }
+}
+
+/// Depth and density are never negative.
+pub(super) fn clip(mut rows: PlaneRows<'_>) -> PlaneRows<'_> {
+    rows.each(|_, row| row.iter_mut().for_each(|v| *v = v.max(0.0)));
+    rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_is_asked_for_before_it_is_taken() {
+        let size = Size { width: 1 << 24, height: 1 << 24 };
+        let error = RasterCanvas::new(size, &mut Scratch::default(), &Context::SILENT.with_memory(&|| Some(1 << 30)))
+            .map(drop)
+            .unwrap_err();
+        assert!(matches!(error, crate::Error::Memory { .. }));
+    }
 }

@@ -73,6 +73,7 @@ fn add_row(coarse: &[f32], level: &Level, row: usize, line: &mut [f32], fine: &m
         &coarse[r * stride..(r + 1) * stride]
     });
     let mut w = W;
+    // Even rows lie a quarter of a pixel before a coarse one and odd rows behind it: the taps are mirrored.
     if row.is_multiple_of(2) {
         w.reverse();
     }

@@ -3,7 +3,7 @@
 use super::DispatchLimits;
 use super::rest::band_of;
 use crate::Device;
-use crate::reference::view::ViewRecord;
+use crate::reference::ViewRecord;
 use crate::sort::{Sort, Sorter};
 use particlegs_core::Result;
 use particlegs_core::picture::Size;
@@ -71,6 +71,7 @@ impl ParaviewCanvas {
         let most = limits.strip.min(device.largest_binding() / WIDEST) as usize;
         let rows = (most / size.width / WHOLE).max(1) * WHOLE;
         let strips = (0..size.height).step_by(rows).map(|above| {
+            // Strips go from the top down, as pictures do, but VTK counts rows from the bottom.
             let strip_rows = size.height - size.height.min(above + rows)..size.height - above;
             Strip::new(device, size.width, strip_rows.start as u32..strip_rows.end as u32)
         });
@@ -86,6 +87,7 @@ impl ParaviewCanvas {
             found: device.buffer("found", 8, here),
             offsets: device.buffer("offsets", 4 * slices, Use::STORAGE | Use::COPY_DST),
             counts: device.buffer("counts", 4 * slices, here),
+            // Sorted by pixel alone: the sort is stable and keeps the order of particles within a pixel.
             keys: sorter.room(device, limits.keys, LEVEL_BITS..LEVEL_BITS + bits.max(1)),
             levels: device.buffer("levels", pixels, here),
             picture: device.buffer("picture", pixels, Use::STORAGE | Use::COPY_SRC),
@@ -124,6 +126,7 @@ impl ParaviewCanvas {
         let mut to = 0;
         for strip in &self.strips {
             let bytes = (self.size.width * strip.rows.len()) as u64;
+            // Only the last strip can end within a word (see `WHOLE`).
             encoder.copy_buffer_to_buffer(&strip.next_layers, 0, &self.levels, to, bytes.next_multiple_of(4));
             to += bytes;
         }

@@ -21,24 +21,22 @@
 mod kernels;
 mod layers;
 mod rest;
-mod slices;
 #[cfg(test)]
 mod tests;
 
 pub use layers::ParaviewCanvas;
-use layers::Strip;
 
 use super::DeviceParticles;
+use super::ViewRecord;
 use super::source::ParticleSource;
-use super::view::ViewRecord;
 use crate::kernel::Kernel;
 use crate::{Device, groups};
 use kernels::ParaviewKernels;
+use layers::Strip;
 use particlegs_core::Result;
 use particlegs_core::camera::View;
 use particlegs_core::picture::{Gray8, Size};
 use particlegs_core::splat::PEELS;
-use slices::{Batches, GROUP, GroupSlice};
 use std::sync::Arc;
 
 /// Limits of the work that is done at a time.
@@ -254,5 +252,51 @@ impl PictureRequest<'_> {
 
     fn device(&self) -> &Device {
         &self.paraview.device
+    }
+}
+
+/// Particles whose pixels stand one behind the other: those of a workgroup.
+const GROUP: u32 = 64;
+/// Pixels of a slice at most (slice.wgsl says so too).
+const SLICE: u32 = 4096;
+
+/// The number of a group of particles in its piece, and the first of its pixels.
+type GroupSlice = [u32; 2];
+
+/// The slices of a piece, in the order of its particles, as many at a time as a dispatch takes.
+struct Batches<'a> {
+    /// Pixels of every group.
+    counts: &'a [u32],
+    next: GroupSlice,
+    limits: &'a DispatchLimits,
+}
+
+impl<'a> Batches<'a> {
+    fn new(counts: &'a [u32], limits: &'a DispatchLimits) -> Self {
+        Batches { counts, next: [0, 0], limits }
+    }
+}
+
+impl Iterator for Batches<'_> {
+    type Item = Vec<GroupSlice>;
+
+    fn next(&mut self) -> Option<Vec<GroupSlice>> {
+        let mut batch = Vec::new();
+        let mut pixels = 0;
+        while let Some(&all) = self.counts.get(self.next[0] as usize) {
+            // This also steps over groups without any pixels.
+            if self.next[1] >= all {
+                self.next = [self.next[0] + 1, 0];
+                continue;
+            }
+            if batch.len() >= self.limits.slices || pixels >= self.limits.pixels {
+                break;
+            }
+            batch.push(self.next);
+            let slice_pixels = SLICE.min(all - self.next[1]);
+            pixels += u64::from(slice_pixels);
+            self.next[1] += slice_pixels;
+        }
+        (!batch.is_empty()).then_some(batch)
     }
 }

@@ -1,11 +1,10 @@
 //! Fragments that the peels left, blended in the order of the particles.
 
-use super::slices::GroupSlice;
-use super::{DispatchLimits, PictureRequest, Strip, StripWork};
+use super::{DispatchLimits, GroupSlice, PictureRequest, Strip, StripWork};
 use crate::groups;
 use crate::reference::DeviceParticles;
+use crate::reference::ViewRecord;
 use crate::reference::source::ParticleSource;
-use crate::reference::view::ViewRecord;
 use particlegs_core::Result;
 use std::ops::Range;
 
@@ -15,6 +14,7 @@ impl PictureRequest<'_> {
         let height = band_of(self.record.size[0], &self.paraview.limits);
         for strip_work in work {
             let rows = strip_work.strip.rows.clone();
+            // A key has 24 bits for the pixel, so the pixels of a large strip are drawn in several bands.
             for first in rows.clone().step_by(height as usize) {
                 let last = rows.end.min(first.saturating_add(height));
                 let band = ViewRecord { first, last, ..self.within(strip_work.strip) };

@@ -200,3 +200,17 @@ fn poison(device: &Device, canvas: &ParaviewCanvas) {
         device.queue.write_buffer(&buffer, 0, &vec![0xff; buffer.size() as usize]);
     }
 }
+
+#[test]
+fn every_pixel_is_in_one_slice() {
+    let limits = DispatchLimits { slices: 3, pixels: 9000, keys: 0, band: 0, strip: 0 };
+    let counts = [0, 1, 4096, 0, 4097, 20_000, 0];
+    let batches: Vec<_> = Batches::new(&counts, &limits).collect();
+    assert!(batches.iter().all(|b| (1..=3).contains(&b.len())), "{batches:?}");
+    let mut next = [0; 7];
+    for &[group, first] in batches.iter().flatten() {
+        assert_eq!(next[group as usize], first);
+        next[group as usize] = counts[group as usize].min(first + SLICE);
+    }
+    assert_eq!(next, counts);
+}

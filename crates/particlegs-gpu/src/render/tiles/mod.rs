@@ -95,6 +95,7 @@ impl<'a> DepthTiles<'a> {
         let cuts = self.gaussians.may_be_cut(&lens);
         self.bound(&mut encoder, cuts);
         for (k, batch) in canvas.batches.iter().enumerate() {
+            // Batches share one buffer of strokes, which now holds those of the last batch.
             if canvas.batches.len() > 1 {
                 encoder.clear_buffer(&canvas.cut_count, 0, None);
                 renderer.project(&mut encoder.begin_compute_pass(&Default::default()), batch);

@@ -1,4 +1,4 @@
-// What a step knows (record.rs has the same record), and what is moved: a column a number of 3 of the place, 3 logarithms
+// What a step knows (mod.rs has the same record), and what is moved: a column a number of 3 of the place, 3 logarithms
 // of scales, 4 of the quaternion, the logit of the opacity, and the grey level as (grey - 0.5) / SH0.
 
 struct Step {

@@ -2,23 +2,21 @@
 //! three-way comparison (paper, figures fig:artifact, fig:qualitative and fig:three_way).
 
 mod crops;
-mod others;
 mod three_way;
 
 use super::Experiment;
-use super::shared::rates::COMPARED as RATIO;
-use crate::lab::{Lab, ModelBuild, ModelSettings, or_made};
-use crate::method::BoundReport;
+use super::rates::COMPARED as RATIO;
+use crate::lab::{Lab, ModelBuild, ModelSettings, Style, or_made};
+use crate::method::{BoundReport, CompressionMethod, FileContent, MethodOutput};
 use crate::results::{ExperimentResults, Pictures, ResultTable, TableCell};
 use crate::snapshot::Snapshot;
 use crate::views::{
     ReferenceViews, Score, cache_key, identical_note, kept_picture, masked, mean, mean_of, orbit, ssim,
 };
 use crops::{BRIGHTENED, close_up, whole};
-use others::MethodPictures;
-use particlegs_core::Result;
 use particlegs_core::camera::View;
 use particlegs_core::picture::{Gray8, Rgb8};
+use particlegs_core::{Error, Result};
 use particlegs_measure::score::evaluation_views;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -42,9 +40,9 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let views = evaluation_views(&build.model.metadata, lab.settings.size, lab.settings.seed, frames);
     let truth = ReferenceViews::in_views(lab, snapshot, views)?;
     let pictures = of_model(lab, &build, &truth)?;
-    let scores = others::scores(&truth, &pictures)?;
+    let scores = scores(&truth, &pictures)?;
     let shown = FigureViews::new(&truth, &pictures, &scores);
-    let (others, failed) = others::at_size(lab, snapshot, build.bytes.len() as u64, &shown.truth)?;
+    let (others, failed) = at_size(lab, snapshot, build.bytes.len() as u64, &shown.truth)?;
     let three = three_way::three_way(lab, snapshot, &build, &truth, pictures, scores)?;
     let mut results = ExperimentResults { notes: notes(&build, snapshot, &others), ..ExperimentResults::default() };
     results.notes.push(three.note);
@@ -109,6 +107,7 @@ impl FigureViews {
 
 /// The method with the best pictures, among those whose names begin so, if there are any.
 fn best<'a>(others: &'a [MethodPictures], begins: &str) -> Option<&'a MethodPictures> {
+    // If none has the name, the best of all is shown.
     let named = others.iter().any(|o| o.name.starts_with(begins));
     let chosen = others.iter().filter(|o| !named || o.name.starts_with(begins));
     chosen.max_by(|a, b| a.masked().unwrap_or(0.0).total_cmp(&b.masked().unwrap_or(0.0)))
@@ -203,6 +202,78 @@ fn notes(build: &ModelBuild, snapshot: &Snapshot, others: &[MethodPictures]) -> 
         build.bytes.len(),
         names.join("; "),
     )]
+}
+
+/// A method at one size, with its pictures.
+struct MethodPictures {
+    name: String,
+    bytes: u64,
+    /// Its bound and largest error, if it has a bound.
+    bound: Option<BoundReport>,
+    /// Pictures of the decoded particles, one per view of the truth.
+    pictures: Vec<Gray8>,
+    scores: Vec<Score>,
+}
+
+impl MethodPictures {
+    /// Mean masked PSNR of its pictures, dB; infinite if none differs from the truth.
+    fn masked(&self) -> Option<f64> {
+        mean(&self.scores, masked)
+    }
+}
+
+/// Every other method at about `bytes`, drawn in the views of `truth`, and notes on those that failed.
+fn at_size(
+    lab: &Lab<'_>,
+    snapshot: &Snapshot,
+    bytes: u64,
+    truth: &ReferenceViews,
+) -> Result<(Vec<MethodPictures>, Vec<String>)> {
+    let (mut others, mut failed) = (Vec::new(), Vec::new());
+    for method in CompressionMethod::all(lab).into_iter().filter(|m| *m != CompressionMethod::OpticalDepth) {
+        match other(lab, snapshot, method, bytes, truth) {
+            Ok(other) => others.push(other),
+            Err(e @ (Error::Cancelled | Error::Io { .. })) => return Err(e),
+            Err(e) => failed.push(format!("{} was skipped: {e}", method.name(lab))),
+        }
+    }
+    Ok((others, failed))
+}
+
+fn other(
+    lab: &Lab<'_>,
+    snapshot: &Snapshot,
+    method: CompressionMethod,
+    bytes: u64,
+    truth: &ReferenceViews,
+) -> Result<MethodPictures> {
+    let seed = lab.settings.seed;
+    let inputs = (method.source(lab), &snapshot.hash, bytes, seed);
+    // Made on demand, for the first picture or number that is not cached.
+    let mut cached_output: Option<MethodOutput> = None;
+    let keep = || -> Result<MethodOutput> { method.keep(lab, &snapshot.particles, &snapshot.hash, bytes, seed) };
+    let (size, bound) = lab.store.result("other", &inputs, || {
+        let output = cached_output.insert(keep()?);
+        Ok((output.bytes, output.bound))
+    })?;
+    let draw = |view: &View| {
+        kept_picture(lab, &("other", &inputs, cache_key(view, truth.size)), || {
+            let FileContent::Particles(particles, factor) = &or_made(&mut cached_output, keep)?.content else {
+                return Err(Error::input(method.name(lab), "returned no particles"));
+            };
+            let view = View { radius: view.radius * factor, ..view.clone() };
+            lab.draws_particles(particles, truth.bounds, Style::Paraview)?(&view, truth.size)
+        })
+    };
+    let pictures: Vec<Gray8> = truth.views.iter().map(draw).collect::<Result<_>>()?;
+    let scores = scores(truth, &pictures)?;
+    Ok(MethodPictures { name: method.name(lab), bytes: size, bound, pictures, scores })
+}
+
+/// Scores pictures against `truth`, in its order.
+fn scores(truth: &ReferenceViews, pictures: &[Gray8]) -> Result<Vec<Score>> {
+    let mut pictures = pictures.iter().cloned();
+    truth.score(|view| pictures.next().ok_or_else(|| Error::argument(format!("there is no picture of {}", view.name))))
 }
 
 #[cfg(test)]

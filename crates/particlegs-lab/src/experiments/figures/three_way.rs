@@ -77,7 +77,7 @@ fn drawn(
         })
     };
     let pictures: Vec<Gray8> = truth.views.iter().map(draw).collect::<Result<_>>()?;
-    let scores = super::others::scores(truth, &pictures)?;
+    let scores = super::scores(truth, &pictures)?;
     Ok(RendererScores { name: method.name().into(), pictures, scores })
 }
 

@@ -59,6 +59,7 @@ fn moved(columns: &[Vec<f32>; 3], scene: &TiledScene, range: Range<usize>) -> [V
     [0, 1, 2].map(|k| {
         let (column, half) = (&columns[k], 0.5 * extent[k]);
         let at = |i: usize| {
+            // These steps do not repeat within the copies, so that no copy lies on another.
             let away = ((i / each) as f64 * [0.618, 0.755, 0.57][k]).fract() as f32;
             (column[i % each] + half + away * extent[k]).rem_euclid(extent[k]) - half
         };

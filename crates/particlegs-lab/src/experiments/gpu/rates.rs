@@ -65,6 +65,7 @@ fn rate(device: &Device, each: impl Fn(&mut wgpu::CommandEncoder)) -> Result<f64
         device.wait()?;
         Ok(started.elapsed().as_secs_f64())
     };
+    // The first run also compiles and allocates, so the second one is timed.
     run(1)?;
     let times = (LONG.as_secs_f64() / run(1)?).clamp(1.0, 10_000.0) as usize;
     Ok(times as f64 / run(times)?)

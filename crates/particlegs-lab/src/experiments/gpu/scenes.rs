@@ -57,6 +57,7 @@ pub fn views(scene: &TiledScene, size: Size, around: bool) -> Vec<View> {
     let cameras: Vec<Camera> = spiral(scene.bounds.center(), base_distance(&scene.bounds, size), 64, None);
     let view = |(i, camera): (usize, &Camera)| {
         let change = if around { 1.0 } else { 0.5 + i as f64 / 64.0 };
+        // The camera of the view whose work frames.rs counts.
         let camera = if around { *camera } else { cameras[16] };
         View { name: "far".into(), camera, radius: scene.radius * change, opacity: OPACITY * change }
     };

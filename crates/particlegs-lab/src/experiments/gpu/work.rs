@@ -66,6 +66,7 @@ impl DepthWork {
                     let Some(placed) = place(&levels, &g.footprint(&lens, &moments)) else { return };
                     let s = placed.stroke;
                     work.footprints += 1;
+                    // The area of the ellipse where the exponent is above `end`.
                     work.additions += PI * f64::from(-s.end) / (f64::from(s.along) * f64::from(s.down)).sqrt();
                 });
             }
@@ -135,6 +136,7 @@ impl BlendWork {
     pub fn frame(&self, gaussians: usize, size: Size, with_network: bool) -> WorkBound {
         let (n, footprints, pixels) = (gaussians as f64, self.footprints as f64, size.pixels() as f64);
         let tiles = size.width.div_ceil(TILE) * size.height.div_ceil(TILE);
+        // The sorter takes four bits a pass, and always an even number of passes.
         let passes = 2.0 * f64::from((usize::BITS - (tiles - 1).leading_zeros()).div_ceil(8));
         let an_entry = 8.0 + passes * Self::SORTED + 4.0 + 36.0;
         let network = if with_network { 1.0 } else { 0.0 };

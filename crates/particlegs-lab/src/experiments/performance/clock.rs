@@ -1,6 +1,6 @@
 //! Wall-clock times, with the load of the machine; short ones are measured several times.
 
-use crate::report::provenance::line_of;
+use crate::report::line_of;
 use crate::results::{Spread, TableCell};
 use particlegs_core::{Result, parallel};
 use serde::{Deserialize, Serialize};

@@ -1,12 +1,18 @@
-//! Whole commands as child processes: seconds, CPU time and peak memory.
+//! Whole commands as child processes: seconds, CPU time and peak memory; and the raw float32 files that they read: the
+//! snapshot's positions, and parts and copies of them.
 
 use super::clock::{digits, load};
+use crate::lab::Lab;
 use crate::results::TableCell;
+use crate::snapshot::Snapshot;
 use particlegs_core::context::Context;
 use particlegs_core::{Error, Result};
+use particlegs_files::output::FileSet;
+use particlegs_particles::{RawForm, SelectedParticles, Selection, Tiling};
 use serde::{Deserialize, Serialize};
+use std::cell::OnceCell;
 use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -91,6 +97,7 @@ fn watch(child: &mut Child, context: &Context<'_>) -> Result<(std::process::Exit
     let status = format!("/proc/{}/status", child.id());
     let mut peak = None;
     loop {
+        // Read before the wait: a child that was waited for has no status file.
         peak = peak.max(std::fs::read_to_string(&status).ok().and_then(|text| unbacked(&text)));
         match child.try_wait() {
             Ok(Some(status)) => return Ok((status, peak)),
@@ -127,10 +134,43 @@ fn of_children(stat: &str) -> Option<f64> {
     Some((ticks(16)? + ticks(17)?) / TICKS)
 }
 
+/// Temporary folder; files are written on demand.
+pub(super) struct RawCopy<'a> {
+    lab: &'a Lab<'a>,
+    of: &'a Snapshot,
+    set: OnceCell<FileSet>,
+}
+
+impl<'a> RawCopy<'a> {
+    pub fn new(lab: &'a Lab<'a>, snapshot: &'a Snapshot) -> RawCopy<'a> {
+        RawCopy { lab, of: snapshot, set: OnceCell::new() }
+    }
+
+    pub fn folder(&self) -> Result<&Path> {
+        if self.set.get().is_none() {
+            let _ = self.set.set(self.lab.store.scratch()?);
+        }
+        Ok(self.set.get().map_or(Path::new(""), FileSet::path))
+    }
+
+    pub fn snapshot(&self) -> Result<PathBuf> {
+        self.written("all", Tiling::single(), Selection::all())
+    }
+
+    /// A selection of the tiled snapshot, written to a folder of this name.
+    pub fn written(&self, name: &str, tiling: Tiling, selection: Selection) -> Result<PathBuf> {
+        let path = self.folder()?.join(name);
+        if !path.exists() {
+            let particles = SelectedParticles::new(&self.of.particles, tiling, selection, self.lab.context)?;
+            particles.write_raw(&path, RawForm::Columns, self.lab.context)?;
+        }
+        Ok(path)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs_core::context::Context;
 
     #[test]
     fn system_files_are_parsed() {

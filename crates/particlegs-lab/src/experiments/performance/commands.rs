@@ -1,10 +1,9 @@
 //! Whole commands of our program as child processes, with their memory.
 
 use super::clock::{Machine, digits};
-use super::command::{CommandRun, Cost, run};
+use super::command::{CommandRun, Cost, RawCopy, run};
 use super::growth::{GrowthPoint, not};
 use super::point_gaussian::PointGaussian;
-use super::raw::RawCopy;
 use crate::lab::{Lab, ModelBuild};
 use crate::results::{ResultTable, Spread, TableCell};
 use crate::snapshot::Snapshot;

@@ -1,9 +1,8 @@
 //! Scaling with the number of particles: seconds, memory and bytes of `compress` as a whole command.
 
 use super::clock::Machine;
-use super::command::{CommandRun, run};
-use super::raw::RawCopy;
-use crate::experiments::shared::rates::COMPARED;
+use super::command::{CommandRun, RawCopy, run};
+use crate::experiments::rates::COMPARED;
 use crate::lab::Lab;
 use crate::results::{Plot, PlotAxis, PlotSeries, Point, ResultTable, TableCell};
 use crate::snapshot::Snapshot;

@@ -7,26 +7,26 @@ mod commands;
 mod growth;
 mod notes;
 mod ours;
-mod paper;
 mod point_gaussian;
-mod raw;
 mod scale;
 mod tables;
-mod views;
 
 use super::Experiment;
 use crate::lab::{Lab, ModelBuild};
 use crate::results::ExperimentResults;
 use crate::snapshot::Snapshot;
+use crate::views::cache_key;
 use clock::Machine;
+use command::RawCopy;
 use notes::PerformanceTimings;
 use ours::RenderSource;
 use particlegs_core::Result;
+use particlegs_core::camera::View;
+use particlegs_core::model::Metadata;
 use particlegs_core::picture::Size;
 use particlegs_fit::Effort;
-use raw::RawCopy;
+use particlegs_measure::score::evaluation_views;
 use tables::{SizeTimings, StartupTimes};
-use views::TimingViews;
 
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "performance",
@@ -48,7 +48,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
         .collect::<Result<Vec<_>>>()?;
     let build = lab.model(snapshot, &ours::recipe(lab, Effort::Default))?;
     let decoding = ours::decoding(lab, snapshot, &build, &machine)?;
-    let sizes = views::sizes(lab);
+    let sizes = sizes(lab);
     let timed = commands::measure(lab, snapshot, &build, &sizes, &raw, &machine)?;
     let grown = growth::measure(lab, snapshot, &raw, &machine)?;
     let all = frames(lab, snapshot, &build, &sizes, &raw, &machine)?;
@@ -91,4 +91,40 @@ fn frames(
     }
     lab.context.end();
     Ok(all)
+}
+
+struct TimingViews {
+    size: Size,
+    /// The first view, at the default radius and opacity.
+    first: View,
+    /// Cameras of the three orbits, at the default radius and opacity.
+    cameras: Vec<View>,
+    /// The first view's camera, with radii and opacities from the published ranges.
+    settings: Vec<View>,
+}
+
+impl TimingViews {
+    /// Views of a model: one camera per orbit (far, mid, near), and as many radii and opacities.
+    fn new(lab: &Lab<'_>, m: &Metadata, size: Size) -> TimingViews {
+        let views = evaluation_views(m, size, lab.settings.seed, 1);
+        let plain = |v: &View| View { radius: m.default_radius, opacity: m.default_opacity, ..v.clone() };
+        // A camera of the middle orbit from another seed, so that no timed frame repeats it.
+        let other = evaluation_views(m, size, lab.settings.seed + 1, 1);
+        let first = plain(other.get(1).unwrap_or(&views[0]));
+        let settings = views.iter().map(|v| View { camera: first.camera, ..v.clone() }).collect();
+        TimingViews { size, cameras: views.iter().map(plain).collect(), settings, first }
+    }
+
+    /// Cache key of times in these views.
+    fn key(&self) -> String {
+        let all = std::iter::once(&self.first).chain(&self.cameras).chain(&self.settings);
+        let text: String = all.map(|v| cache_key(v, self.size)).collect();
+        blake3::hash(text.as_bytes()).to_hex()[..16].to_string()
+    }
+}
+
+/// Timed picture sizes: that of the settings, and twice its width and height.
+fn sizes(lab: &Lab<'_>) -> [Size; 2] {
+    let s = lab.settings.size;
+    [s, Size { width: 2 * s.width, height: 2 * s.height }]
 }

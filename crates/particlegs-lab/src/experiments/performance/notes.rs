@@ -4,10 +4,10 @@ use super::clock::Machine;
 use super::command::Cost;
 use super::commands::CommandTiming;
 use super::growth::GrowthPoint;
-use super::paper;
 use super::scale::{self, ScaleBlocks};
 use super::tables::{SizeTimings, StartupTimes};
-use crate::experiments::shared::rates::COMPARED;
+use crate::experiments::published::performance as paper;
+use crate::experiments::rates::COMPARED;
 use crate::results::Spread;
 use crate::snapshot::Snapshot;
 

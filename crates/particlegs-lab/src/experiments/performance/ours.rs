@@ -1,8 +1,8 @@
 //! Our program in this process: opening, compressing by phase, decoding, drawing.
 
+use super::TimingViews;
 use super::clock::{FrameTimes, Machine, Times, load};
-use super::views::TimingViews;
-use crate::experiments::shared::rates::COMPARED;
+use crate::experiments::rates::COMPARED;
 use crate::lab::{Lab, ModelBuild, ModelSettings};
 use crate::snapshot::Snapshot;
 use particlegs_compress::compress;
@@ -44,6 +44,7 @@ pub(super) fn opening(lab: &Lab<'_>, snapshot: &Snapshot, machine: &Machine) -> 
     lab.store.result("timed-opening", &(&snapshot.hash, &snapshot.path, machine), || {
         let choice = Choice::default();
         let read = || choice.read(std::slice::from_ref(&snapshot.path), &Storage::Memory, lab.context);
+        // This reading also brings the files into the cache of the system.
         let same = read().ok().is_some_and(|p| p.source_hash() == snapshot.particles.source_hash());
         if same { Times::new(TIMES, read).map(Some) } else { Ok(None) }
     })

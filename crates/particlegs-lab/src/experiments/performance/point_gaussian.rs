@@ -1,10 +1,8 @@
 //! VTK's own Point Gaussian, run by lab/point_gaussian.py in the user's Python.
 
 use super::clock::{FrameTimes, Machine, load};
-use super::command::{Cost, run};
-use super::ours;
-use super::raw::RawCopy;
-use super::views::TimingViews;
+use super::command::{Cost, RawCopy, run};
+use super::{TimingViews, ours};
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
 use particlegs_core::picture::{Gray8, Size, masked_psnr, psnr};

@@ -1,8 +1,8 @@
 //! Size of models of parts of the box at one quality, by number of particles (paper, figure fig:scale).
 
 use super::growth::proportional;
-use super::paper;
-use crate::experiments::shared::rates::COMPARED;
+use crate::experiments::published::performance as paper;
+use crate::experiments::rates::COMPARED;
 use crate::lab::{Lab, ModelSettings};
 use crate::results::{Plot, PlotAxis, PlotSeries, Point, ResultTable, TableCell};
 use crate::snapshot::Snapshot;
@@ -52,6 +52,7 @@ pub(super) fn measure(lab: &Lab<'_>, snapshot: &Snapshot) -> Result<ScaleBlocks>
     let (least, corners): (u32, &[bool]) = if lab.settings.quick { (2, &[false]) } else { (4, &[false, true]) };
     let mut blocks = Vec::new();
     for halvings in HALVINGS.into_iter().filter(|h| *h <= least) {
+        // The whole box is the same from either corner.
         for upper in corners.iter().take(if halvings == 0 { 1 } else { 2 }) {
             blocks.push(block(lab, snapshot, halvings, *upper, quality)?);
         }
@@ -87,6 +88,7 @@ fn recipe(target: Target, seed: u64) -> ModelSettings {
 fn corner(all: &Bounds, halvings: u32, upper: bool) -> Bounds {
     let mut b = *all;
     for k in 0..3 {
+        // The halvings go round the axes, x first.
         let times = (halvings as usize + 2 - k) / 3;
         let width = (all.max[k] - all.min[k]) / f64::from(1 << times);
         // A region excludes its upper ends, but bounds include the last particle.

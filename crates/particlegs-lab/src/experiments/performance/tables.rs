@@ -3,8 +3,8 @@
 use super::clock::{FrameTimes, Times, seconds};
 use super::growth::not;
 use super::ours::{FrameTimings, Phases};
-use super::paper;
 use super::point_gaussian::PointGaussian;
+use crate::experiments::published::performance as paper;
 use crate::results::{ResultTable, TableCell};
 use particlegs_core::picture::Size;
 

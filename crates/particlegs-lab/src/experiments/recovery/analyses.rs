@@ -76,6 +76,7 @@ fn grade(figure: Option<f64>, [good, fair]: [f64; 2]) -> &'static str {
 
 /// The largest deviation of P(k) in shells up to a share of the last k.
 fn power_off(facts: &Facts, share: f64) -> Option<f64> {
+    // The last shell counts, even if its k was rounded.
     let last = share * facts.k_max()? * (1.0 + 1e-9);
     let off = facts.shells.iter().filter(|s| s.k <= last).map(|s| s.ratio.map(|r| (r - 1.0).abs()));
     off.collect::<Option<Vec<f64>>>()?.into_iter().reduce(f64::max)

@@ -1,7 +1,7 @@
 //! Measures models, and particles drawn from them, against the truth.
 
 use super::facts::Facts;
-use super::paper;
+use crate::experiments::published::recovery as paper;
 use crate::lab::{Lab, ModelSettings};
 use crate::snapshot::Snapshot;
 use particlegs_core::Result;

@@ -5,13 +5,12 @@ mod analyses;
 mod facts;
 pub(super) mod measure;
 mod notes;
-mod paper;
 mod plots;
 mod slices;
 mod tables;
 
 use super::Experiment;
-use super::shared::rates::COMPARED as RATIO;
+use super::rates::COMPARED as RATIO;
 use crate::lab::{Lab, ModelSettings};
 use crate::results::ExperimentResults;
 use crate::snapshot::Snapshot;

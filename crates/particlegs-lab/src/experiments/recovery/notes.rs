@@ -1,7 +1,8 @@
 //! Notes of the report.
 
 use super::measure::{MeasurementScope, cells};
-use super::{RATIO, RecoveryMeasurements, paper};
+use super::{RATIO, RecoveryMeasurements};
+use crate::experiments::published::recovery as paper;
 use crate::lab::Lab;
 use crate::snapshot::Snapshot;
 use particlegs_fit::recover::Method;

@@ -1,7 +1,8 @@
 //! Tables of the report.
 
 use super::facts::Facts;
-use super::{BlocksRecovery, MethodRecovery, RATIO, RecoveryMeasurements, SizeRecovery, paper};
+use super::{BlocksRecovery, MethodRecovery, RATIO, RecoveryMeasurements, SizeRecovery};
+use crate::experiments::published::recovery as paper;
 use crate::results::{ResultTable, TableCell};
 use particlegs_fit::recover::Method;
 

@@ -1,4 +1,0 @@
-//! Measurements that several experiments share.
-
-pub(crate) mod published_models;
-pub(crate) mod rates;
