@@ -73,7 +73,7 @@ def compress(
         Correlation of the densities in cells with edge `cell`.
     groups_within, from_size : float or str, int
         Largest error of the number of groups, for groups of at least `from_size` particles.
-    effort : {"default", "fast"}
+    effort : {"default", "fast", "best"}
         Time spent on the fit.
     radius, opacity : float, optional
         Particle radius (world units) and opacity to store as the defaults.

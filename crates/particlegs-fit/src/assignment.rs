@@ -1,6 +1,7 @@
 //! Shares of a particle in the Gaussians: soft responsibilities of a mixture that is fixed.
 
-use super::overlap_tree::{Ellipsoid, OverlapTree, SearchReach};
+use super::overlap_tree::{Ellipsoid, OverlapSearch, OverlapTree, SearchReach};
+use fearless_simd::Level;
 use particlegs_core::math::{Sym3, each_axis};
 use particlegs_core::model::Mixture;
 use particlegs_core::parallel;
@@ -78,17 +79,17 @@ impl SoftAssignment {
     pub(crate) fn new(m: &Mixture) -> Self {
         let ellipsoids: Vec<Ellipsoid> =
             parallel::map_range(m.len(), |i| Ellipsoid::new(m.mean_of(i), sound(&m.cov_of(i)), m.count[i]));
-        let tree = OverlapTree::new(&ellipsoids);
+        let tree = OverlapTree::new(&ellipsoids, Level::new());
         let mut order: Vec<u32> = tree.order().to_vec();
         let mut cuts = CutTree { mean: &m.mean, nodes: Vec::new(), boxes: Vec::new() };
         let root = cuts.grow(&mut order, reach(m));
         let leaves = parallel::map_range(cuts.boxes.len(), |leaf| {
-            let mut neighbours = Vec::new();
+            let mut search = OverlapSearch::default();
             let (low, high) = cuts.boxes[leaf];
             let center = each_axis(|k| 0.5 * (low[k] + high[k]));
             let [x, y, z] = each_axis(|k| ((high[k] - low[k]) * (high[k] - low[k]) / 12.0).max(f64::MIN_POSITIVE));
-            tree.nearest(&Ellipsoid::new(center, Sym3([x, 0.0, 0.0, y, 0.0, z]), 1.0), CANDIDATES, &mut neighbours);
-            neighbours.into_iter().map(|f| f.1).collect()
+            tree.nearest(&Ellipsoid::new(center, Sym3([x, 0.0, 0.0, y, 0.0, z]), 1.0), CANDIDATES, &mut search);
+            search.neighbours.into_iter().map(|f| f.1).collect()
         });
         let densities = parallel::map_range(m.len(), |i| LogDensity::new(m, i));
         SoftAssignment { nodes: cuts.nodes, leaves, root, densities }

@@ -90,12 +90,16 @@ impl<'a> Fitter<'a> {
 /// The refinement that `particles` and `gaussians` allow, decided by cost alone (never by a
 /// clock, so that results repeat).
 pub(super) fn refinement(particles: usize, gaussians: usize, options: &FitOptions) -> RefineOptions {
-    /// Rounds at most: 8 lose 0.015 dB of the nine pictures of nbody128 at ratio 300 and 0.05 at large radii, 16 gain
-    /// no more than two fits differ by.
+    /// Rounds of the best effort at most: 16 gain no more than two fits differ by.
     const MOST_ROUNDS: f64 = 12.0;
     /// The same if the rounds look at a sample: of nbody128 at ratio 3000, 8 and 12 lose 0.10 and 0.02 dB.
     const MOST_ROUNDS_SAMPLED: f64 = 16.0;
-    /// Particle visits by rounds, less than a CPU-second a million.
+    /// Rounds of the default effort (docs/results/effort.md).
+    const FEW_ROUNDS: f64 = 6.0;
+    /// Two iterations between rounds that go so far are worth three of EM's own: on nbody64 and abacus-mini at ratio
+    /// 300, six rounds lose 0.012 and 0.015 bits against twelve of three iterations, and 0.029 and 0.024 with 1.
+    const STRIDE: f64 = 1.6;
+    /// Particle visits by the rounds of the best effort, half a CPU-second a million; the default has half of them.
     const VISITS: f64 = 1600e6;
     let (pixel, seed) = (options.pixel, options.seed);
     match options.effort {
@@ -108,6 +112,7 @@ pub(super) fn refinement(particles: usize, gaussians: usize, options: &FitOption
             most_moved: 0.2,
             iterations: 0,
             settling: 0,
+            stride: 1.0,
             last_iterations: 0,
             settled: None,
             sample: 100.0,
@@ -115,18 +120,23 @@ pub(super) fn refinement(particles: usize, gaussians: usize, options: &FitOption
             seed,
             thin: None,
         },
-        Effort::Default => {
+        Effort::Default | Effort::Best => {
             let sample = 333.0;
             let looked_at = (particles as f64).min(sample * gaussians as f64).max(1.0);
-            let most = if looked_at < particles as f64 { MOST_ROUNDS_SAMPLED } else { MOST_ROUNDS };
+            let (most, visits) = match options.effort {
+                Effort::Best if looked_at < particles as f64 => (MOST_ROUNDS_SAMPLED, VISITS),
+                Effort::Best => (MOST_ROUNDS, VISITS),
+                _ => (FEW_ROUNDS, 0.5 * VISITS),
+            };
             RefineOptions {
                 cells_a_group: 1,
                 first_iterations: 8,
-                rounds: (VISITS * options.share / looked_at).clamp(1.0, most) as usize,
+                rounds: (visits * options.share / looked_at).clamp(1.0, most) as usize,
                 ratio: 1.2,
                 most_moved: 0.2,
-                iterations: 3,
+                iterations: 2,
                 settling: 8,
+                stride: STRIDE,
                 last_iterations: 2,
                 settled: None,
                 sample,

@@ -5,7 +5,7 @@
 
 use super::Moments;
 use super::em_kernel::{self, CandidateSums, KernelScratch, ParticleGroup, SUMS, WhitenedGaussian};
-use super::overlap_tree::{Ellipsoid, OverlapTree, SearchReach};
+use super::overlap_tree::{Ellipsoid, OverlapSearch, OverlapTree, SearchReach};
 use super::prior::{MeanShape, Prior};
 use particlegs_core::context::Context;
 use particlegs_core::math::{Sym3, each_axis};
@@ -55,6 +55,7 @@ pub(crate) struct GroupedParticles<'a> {
 }
 
 /// Particles in the order of their groups, on their own.
+#[derive(Default)]
 pub(crate) struct GroupStore {
     pub(crate) xyz: Vec<[f32; 3]>,
     /// One a particle, where they have weights.
@@ -130,17 +131,17 @@ impl Candidates {
         let items = parallel::map_range(gaussians.len(), |j| {
             Ellipsoid::new(gaussians.mean[j], gaussians.cov[j].add(&floor), gaussians.count[j])
         });
-        let tree = OverlapTree::new(&items);
-        let scratch = parallel::Scratch::<Vec<_>>::default();
+        let tree = OverlapTree::new(&items, context.simd());
+        let scratch = parallel::Scratch::<OverlapSearch>::default();
         let lists = parallel::try_map_range(groups.range.len(), |g| {
             if groups.range[g].is_empty() {
                 return Ok(Vec::new());
             }
             context.check()?;
             let group = Ellipsoid::new(groups.mean[g], groups.cov[g].add(&floor), 1.0);
-            Ok::<_, Error>(scratch.with(|neighbours| {
-                tree.nearest(&group, reach, neighbours);
-                neighbours.iter().map(|f| f.1).collect()
+            Ok::<_, Error>(scratch.with(|search| {
+                tree.nearest(&group, reach, search);
+                search.neighbours.iter().map(|f| f.1).collect()
             }))
         })?;
         Ok(Self::from_lists(&lists, gaussians.len()))
@@ -203,6 +204,8 @@ impl Candidates {
     }
 }
 
+/// Result of an E step.
+#[derive(Default)]
 pub(crate) struct Expectation {
     sums: Vec<CandidateSums>,
     /// The likeliest Gaussian of each particle, where asked for.
@@ -218,20 +221,23 @@ pub(crate) struct ExpectationOptions {
     pub(crate) likelihood: bool,
 }
 
+/// The E step, in the memory of an earlier one.
 pub(crate) fn expect(
     particles: GroupedParticles<'_>,
     candidates: &Candidates,
     gaussians: &RefinedGaussians,
     shape: Regularisation,
     options: ExpectationOptions,
+    expectation: &mut Expectation,
     context: &Context<'_>,
-) -> Result<Expectation> {
+) -> Result<()> {
     let groups = particles.groups;
     // Each Gaussian is whitened once, in f64; groups only move it to their centre, where f32 has digits left.
     let whitened: Vec<_> = parallel::map_range(gaussians.len(), |j| Whitening::new(gaussians, j, shape));
-    let mut sums = vec![[0f32; SUMS]; candidates.index.len()];
-    let mut owner = vec![0u32; if options.owner { particles.xyz.len() } else { 0 }];
-    let work = split_by_groups(&mut sums, &mut owner, groups, candidates);
+    let Expectation { sums, owner, .. } = expectation;
+    sums.resize(candidates.index.len(), [0.0; SUMS]);
+    owner.resize(if options.owner { particles.xyz.len() } else { 0 }, 0);
+    let work = split_by_groups(sums, owner, groups, candidates);
     let simd = context.simd();
     let scratch_pool = parallel::Scratch::<(KernelScratch, Vec<_>)>::default();
     let parts = parallel::try_map(work, |task| {
@@ -263,8 +269,8 @@ pub(crate) fn expect(
         Ok(total)
     })?;
     // Summed in the order of the tasks, whatever the threads; the kernel's logarithms are to base 2.
-    let likelihood = parts.iter().sum::<f64>() * std::f64::consts::LN_2;
-    Ok(Expectation { sums, owner, likelihood })
+    expectation.likelihood = parts.iter().sum::<f64>() * std::f64::consts::LN_2;
+    Ok(())
 }
 
 struct GroupTask<'a> {
@@ -335,7 +341,8 @@ fn whiten(cov: &Sym3, floor: f64, share: f64) -> ([f32; 6], f64) {
 }
 
 /// The M step: each Gaussian becomes the moments of the responsibilities it got, its shape as far as they support
-/// it against the one `expected`. One that got (nearly) nothing keeps its shape with a count of zero.
+/// it against the one `expected`; or goes `stride` times as far (overrelaxed EM: Salakhutdinov and Roweis 2003). One that
+/// got (nearly) nothing keeps its shape with a count of zero.
 pub(crate) fn maximise(
     expectation: &Expectation,
     groups: &ParticleGroups,
@@ -343,6 +350,7 @@ pub(crate) fn maximise(
     gaussians: &mut RefinedGaussians,
     shape: Regularisation,
     expected: &[Sym3],
+    stride: f64,
 ) {
     let updates = parallel::map_range(gaussians.len(), |j| {
         let total = gather(expectation, groups, candidates, j, gaussians.mean[j]);
@@ -356,13 +364,42 @@ pub(crate) fn maximise(
         let mean = each_axis(|k| gaussians.mean[j][k] + d[k]);
         // What the focus took off is put back before the prior, which is of whole Gaussians.
         let sample_cov = nonnegative(unfocus(cov, &gaussians.cov[j], shape));
-        (mean, shape.prior.most_probable(&sample_cov, count, &expected[j]), count, total[1])
+        let cov = shape.prior.most_probable(&sample_cov, count, &expected[j]);
+        let step = GaussianStep { mean, cov, count };
+        let old = GaussianStep { mean: gaussians.mean[j], cov: gaussians.cov[j], count: gaussians.count[j] };
+        let GaussianStep { mean, cov, count: reached } = old.beyond(step, stride).unwrap_or(step);
+        (mean, cov, reached, total[1] * reached / count)
     });
     for (j, (mean, cov, count, mass)) in updates.into_iter().enumerate() {
         gaussians.mean[j] = mean;
         gaussians.cov[j] = cov;
         gaussians.count[j] = count;
         gaussians.mass[j] = mass;
+    }
+}
+
+/// A Gaussian before or after a step of EM.
+#[derive(Clone, Copy)]
+struct GaussianStep {
+    mean: [f64; 3],
+    cov: Sym3,
+    count: f64,
+}
+
+impl GaussianStep {
+    /// `stride` times as far as from here to `next`; `None` for a stride of 1, and where that would leave no sound
+    /// Gaussian, or one much smaller than the next.
+    fn beyond(&self, next: GaussianStep, stride: f64) -> Option<GaussianStep> {
+        const LEAST_SHARE: f64 = 0.4;
+        let further = |old: f64, new: f64| old + stride * (new - old);
+        let cov = Sym3(std::array::from_fn(|k| further(self.cov.0[k], next.cov.0[k])));
+        let count = further(self.count, next.count);
+        // The leading minors: all are positive where the covariance is.
+        let minors = |c: &Sym3| [c.0[0], c.0[0] * c.0[3] - c.0[1] * c.0[1], c.det()];
+        let is_sound = minors(&cov).iter().zip(minors(&next.cov)).all(|(m, next)| *m > LEAST_SHARE * next);
+        let is_alive = self.count > LEAST && count > LEAST_SHARE * next.count;
+        let mean = each_axis(|k| further(self.mean[k], next.mean[k]));
+        (stride != 1.0 && is_sound && is_alive).then_some(GaussianStep { mean, cov, count })
     }
 }
 
@@ -437,13 +474,23 @@ impl CountingSort {
     }
 }
 
-/// Reorders particles so that each Gaussian's own lie together: group j is Gaussian j's.
-pub(crate) fn regroup(particles: GroupedParticles<'_>, owner: &[u32], gaussians: usize) -> GroupStore {
+/// Reorders particles so that each Gaussian's own lie together: group j of `store` is Gaussian j's.
+pub(crate) fn regroup(particles: GroupedParticles<'_>, owner: &[u32], gaussians: usize, store: &mut GroupStore) {
     let CountingSort { start, order } = CountingSort::new(owner, gaussians);
-    let xyz: Vec<[f32; 3]> = order.iter().map(|&i| particles.xyz[i as usize]).collect();
-    let weight = particles.weight.map(|w| order.iter().map(|&i| w[i as usize]).collect());
-    let groups = ParticleGroups::new((0..gaussians).map(|j| start[j]..start[j + 1]).collect(), &xyz);
-    GroupStore { xyz, weight, groups }
+    reorder(particles.xyz, &order, &mut store.xyz);
+    match particles.weight {
+        Some(weight) => reorder(weight, &order, store.weight.get_or_insert_default()),
+        None => store.weight = None,
+    }
+    store.groups = ParticleGroups::new((0..gaussians).map(|j| start[j]..start[j + 1]).collect(), &store.xyz);
+}
+
+fn reorder<T: Copy + Default + Send + Sync>(values: &[T], order: &[u32], reordered: &mut Vec<T>) {
+    const STEP: usize = 1 << 16;
+    reordered.resize(order.len(), T::default());
+    parallel::for_each_chunk(reordered, STEP, |c, part| {
+        part.iter_mut().zip(&order[c * STEP..]).for_each(|(value, &i)| *value = values[i as usize]);
+    });
 }
 
 #[cfg(test)]
@@ -481,12 +528,13 @@ mod tests {
             let candidates = Candidates::find(groups, &gaussians, reach, PLAIN.floor, &Context::SILENT).unwrap();
             let mut last = f64::NEG_INFINITY;
             for _ in 0..12 {
-                let e = expect(particles, &candidates, &gaussians, PLAIN, options, &Context::SILENT).unwrap();
+                let mut e = Expectation::default();
+                expect(particles, &candidates, &gaussians, PLAIN, options, &mut e, &Context::SILENT).unwrap();
                 // The floor is added, not fitted: it may cost a little.
                 let least = last - 0.02 * particles.xyz.len() as f64 * PLAIN.floor / 0.01;
                 prop_assert!(e.likelihood >= least, "{} {last}", e.likelihood);
                 last = e.likelihood;
-                maximise(&e, groups, &candidates, &mut gaussians, PLAIN, &[SPHERE; 8]);
+                maximise(&e, groups, &candidates, &mut gaussians, PLAIN, &[SPHERE; 8], 1.0);
                 prop_assert!((gaussians.count.iter().sum::<f64>() - 400.0).abs() < 1e-3);
             }
         }
@@ -506,9 +554,9 @@ mod tests {
                 .unwrap();
         for _ in 0..10 {
             let particles = GroupedParticles { xyz: &xyz, weight: None, groups: &groups };
-            let e = expect(particles, &candidates, &gaussians, shape, ExpectationOptions::default(), &Context::SILENT)
-                .unwrap();
-            maximise(&e, &groups, &candidates, &mut gaussians, shape, &[SPHERE]);
+            let (mut e, options) = (Expectation::default(), ExpectationOptions::default());
+            expect(particles, &candidates, &gaussians, shape, options, &mut e, &Context::SILENT).unwrap();
+            maximise(&e, &groups, &candidates, &mut gaussians, shape, &[SPHERE], 1.0);
         }
         for (k, s) in [(0, 0.3), (3, 0.1), (5, 0.02)] {
             let sigma = gaussians.cov[0].0[k].sqrt();

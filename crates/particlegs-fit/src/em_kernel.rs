@@ -4,14 +4,13 @@
 //! (no fused multiply-add), so the sums are the same bits with and without vector instructions.
 
 use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
-use particlegs_core::math::each_axis;
 use particlegs_core::math::exp2;
 
 /// Particles in one vector.
 const LANES: usize = 16;
 
-/// Particles whose sums are kept in f32 before they go to f64.
-const RUN: usize = 512;
+/// Particles whose sums are kept in f32 before they go to f64: 32 vectors, a bit of a `u32` each.
+const RUN: usize = 32 * LANES;
 
 /// Columns of [`CandidateSums`]: responsibility, weight times responsibility, then the focused responsibility
 /// (see [`WhitenedGaussian::focus`]) times 1, x, y, z, xx, xy, xz, yy, yz, zz (relative to the group's centre).
@@ -41,14 +40,18 @@ struct Lanes([f32; LANES]);
 
 const ZERO: Lanes = Lanes([0.0; LANES]);
 
-/// Vectors whose sums stay in registers.
-const BATCH: usize = 4;
+/// Logarithm to base 2, relative to each particle's likeliest candidate, below which a candidate gets nothing of a
+/// vector of particles.
+const NEGLIGIBLE: f32 = -24.0;
 
 /// Buffers of one thread.
 #[derive(Default)]
 pub(crate) struct KernelScratch {
-    share: Vec<[Lanes; BATCH]>,
-    sums: Vec<[Lanes; SUMS]>,
+    vectors: Vec<ParticleVector>,
+    /// Densities at the vectors of a run, candidate by candidate.
+    share: Vec<Lanes>,
+    /// The vectors of which a candidate gets anything, a bit each.
+    active: Vec<u32>,
 }
 
 /// Particles that lie together, and the Gaussians that they may belong to.
@@ -88,31 +91,28 @@ fn kernel<S: Simd>(
 ) -> f64 {
     let &ParticleGroup { points, weight, centre, candidates } = group;
     let k = candidates.len();
-    scratch.share.resize(k, [ZERO; BATCH]);
     // A group of one run needs no sums in f64: those of its run are the result.
     let mut total = vec![[0f64; SUMS]; if points.len() > RUN { k } else { 0 }];
     let mut log_likelihood = likelihood.then_some(0.0);
     for first in (0..points.len()).step_by(RUN) {
-        let end = points.len().min(first + RUN);
-        // Resizing alone would keep the sums of the run before.
-        scratch.sums.clear();
-        scratch.sums.resize(k, [ZERO; SUMS]);
-        for start in (first..end).step_by(BATCH * LANES) {
-            let stop = end.min(start + BATCH * LANES);
-            let owner = if owner.is_empty() { &mut [] } else { &mut owner[start..stop] };
-            let batch = ParticleBatch::new(&points[start..stop], weight.map(|w| &w[start..stop]), centre);
-            let share = &mut scratch.share[..k];
-            let invert = responsibilities(simd, &batch, candidates, share, owner, log_likelihood.as_mut());
-            add_moments(simd, &batch, &invert, candidates, share, &mut scratch.sums[..k]);
+        let run = first..points.len().min(first + RUN);
+        let KernelScratch { vectors, share, active } = scratch;
+        vectors.clear();
+        for start in run.clone().step_by(LANES) {
+            let lanes = start..run.end.min(start + LANES);
+            vectors.push(ParticleVector::new(&points[lanes.clone()], weight.map(|w| &w[lanes]), centre));
         }
-        for (c, lanes) in scratch.sums.iter().enumerate() {
-            let part: CandidateSums = std::array::from_fn(|q| across(&lanes[q]));
-            if total.is_empty() {
-                sums[c] = part;
-            } else {
-                for q in 0..SUMS {
-                    total[c][q] += f64::from(part[q]);
-                }
+        share.resize(k * vectors.len(), ZERO);
+        active.clear();
+        active.resize(k, 0);
+        let owner = if owner.is_empty() { &mut [] } else { &mut owner[run] };
+        responsibilities(simd, vectors, candidates, share, active, owner, log_likelihood.as_mut());
+        for (c, candidate) in candidates.iter().enumerate() {
+            let share = &share[c * vectors.len()..][..vectors.len()];
+            let part = moments(simd, vectors, candidate, share, active[c]);
+            match total.get_mut(c) {
+                Some(total) => total.iter_mut().zip(part).for_each(|(t, p)| *t += f64::from(p)),
+                None => sums[c] = part,
             }
         }
     }
@@ -122,125 +122,135 @@ fn kernel<S: Simd>(
     log_likelihood.unwrap_or(0.0)
 }
 
-/// Sum over lanes, halves onto halves.
+/// The sum over the lanes of each of twelve vectors. Two vectors are folded into one that has half of each, until one
+/// is left, whose lanes are the sums: with their numbers' bits in reverse.
 #[inline(always)]
-fn across(lanes: &Lanes) -> f32 {
-    let l = &lanes.0;
-    let a: [f32; 8] = std::array::from_fn(|i| l[i] + l[i + 8]);
-    let b: [f32; 4] = std::array::from_fn(|i| a[i] + a[i + 4]);
-    (b[0] + b[2]) + (b[1] + b[3])
+fn across<S: Simd>(simd: S, vectors: &[f32x16<S>; SUMS]) -> CandidateSums {
+    let zero = f32x16::splat(simd, 0.0);
+    let [a, b, c, d, e, f, g, h, i, j, k, l] = *vectors;
+    let ab = fold(fold(a, b), fold(c, d));
+    let ef = fold(fold(e, f), fold(g, h));
+    let ij = fold(fold(i, j), fold(k, l));
+    let sums = <[f32; LANES]>::from(fold(fold(ab, ef), fold(ij, zero)));
+    const PLACE: [usize; SUMS] = [0, 8, 4, 12, 2, 10, 6, 14, 1, 9, 5, 13];
+    PLACE.map(|p| sums[p])
 }
 
-/// Particles side by side; places beyond `n` are empty.
-struct ParticleBatch {
-    n: usize,
-    position: [[Lanes; 3]; BATCH],
-    present: [Lanes; BATCH],
-    mass: [Lanes; BATCH],
+/// The halves of each of two vectors added, lane by lane in turn.
+#[inline(always)]
+fn fold<S: Simd>(a: f32x16<S>, b: f32x16<S>) -> f32x16<S> {
+    a.zip_low(b) + a.zip_high(b)
 }
 
-impl ParticleBatch {
+/// Particles side by side; places beyond the last are empty.
+struct ParticleVector {
+    position: [Lanes; 3],
+    mass: Lanes,
+    /// 1 where there is a particle; once [`responsibilities`] has seen them, over the sum of its densities.
+    norm: Lanes,
+    len: usize,
+}
+
+impl ParticleVector {
     #[inline(always)]
     fn new(points: &[[f32; 3]], weight: Option<&[f32]>, centre: [f32; 3]) -> Self {
-        let mut b = ParticleBatch {
-            n: points.len(),
-            position: [[ZERO; 3]; BATCH],
-            present: [ZERO; BATCH],
-            mass: [ZERO; BATCH],
-        };
-        for (i, p) in points.iter().enumerate() {
-            let (v, lane) = (i / LANES, i % LANES);
+        let mut v = ParticleVector { position: [ZERO; 3], mass: ZERO, norm: ZERO, len: points.len() };
+        for (lane, p) in points.iter().enumerate() {
             for axis in 0..3 {
-                b.position[v][axis].0[lane] = p[axis] - centre[axis];
+                v.position[axis].0[lane] = p[axis] - centre[axis];
             }
-            b.present[v].0[lane] = 1.0;
+            v.norm.0[lane] = 1.0;
         }
-        for (i, &w) in weight.unwrap_or(&[]).iter().enumerate() {
-            b.mass[i / LANES].0[i % LANES] = w;
-        }
-        b
+        v.mass.0.iter_mut().zip(weight.unwrap_or(&[])).for_each(|(m, w)| *m = *w);
+        v
     }
 
     #[inline(always)]
-    fn vectors(&self) -> usize {
-        self.n.div_ceil(LANES)
-    }
-
-    #[inline(always)]
-    fn at<S: Simd>(&self, simd: S, v: usize) -> [f32x16<S>; 3] {
-        each_axis(|axis| f32x16::load_array_ref(simd, &self.position[v][axis].0))
+    fn position<S: Simd>(&self, simd: S) -> [f32x16<S>; 3] {
+        let [x, y, z] = &self.position;
+        [f32x16::load_array_ref(simd, &x.0), f32x16::load_array_ref(simd, &y.0), f32x16::load_array_ref(simd, &z.0)]
     }
 }
 
-/// Densities relative to each particle's largest into `share`; returns what they are to be
-/// multiplied by (0 in empty places). Log2 likelihoods are added where there is a sum for them.
+/// Densities relative to each particle's largest into `share`, what they are to be multiplied by into the vectors' norm
+/// (0 in empty places), and into `active` which of the vectors a candidate gets anything of. Log2 likelihoods are added
+/// where there is a sum for them.
 #[inline(always)]
 fn responsibilities<S: Simd>(
     simd: S,
-    batch: &ParticleBatch,
+    vectors: &mut [ParticleVector],
     candidates: &[WhitenedGaussian],
-    share: &mut [[Lanes; BATCH]],
+    share: &mut [Lanes],
+    active: &mut [u32],
     owner: &mut [u32],
     mut log_likelihood: Option<&mut f64>,
-) -> [Lanes; BATCH] {
-    let mut invert = [ZERO; BATCH];
-    for v in 0..batch.vectors() {
-        let [x, y, z] = batch.at(simd, v);
+) {
+    let count = vectors.len();
+    for (v, vector) in vectors.iter_mut().enumerate() {
+        let [x, y, z] = vector.position(simd);
         let mut best = f32x16::splat(simd, f32::MIN);
-        for (c, out) in candidates.iter().zip(share.iter_mut()) {
+        let mut likeliest = f32x16::splat(simd, 0.0);
+        for (i, c) in candidates.iter().enumerate() {
             let log = f32x16::splat(simd, c.level) - squared(&c.rows, [x - c.mean[0], y - c.mean[1], z - c.mean[2]]);
-            best = best.max(log);
-            log.store_slice(&mut out[v].0);
+            // The first of those that are as likely.
+            let is_likelier = log.simd_gt(best);
+            likeliest = is_likelier.select(f32x16::splat(simd, i as f32), likeliest);
+            best = is_likelier.select(log, best);
+            log.store_slice(&mut share[i * count + v].0);
         }
-        let particle_range = v * LANES..batch.n.min((v + 1) * LANES);
-        // `share` still holds logarithms, which the densities below overwrite.
         if !owner.is_empty() {
-            name_owners(share, v, &<[f32; LANES]>::from(best), &mut owner[particle_range.clone()]);
+            let likeliest = <[f32; LANES]>::from(likeliest);
+            owner[v * LANES..][..vector.len].iter_mut().zip(likeliest).for_each(|(o, i)| *o = i as u32);
         }
         // Relative to the largest density, which gives 1: the norm of a particle is never 0.
         let mut norm = f32x16::splat(simd, 0.0);
-        for s in share.iter_mut() {
-            let p = exp2(simd, f32x16::load_array_ref(simd, &s[v].0) - best);
-            norm += p;
-            p.store_slice(&mut s[v].0);
-        }
-        (f32x16::load_array_ref(simd, &batch.present[v].0) / norm).store_slice(&mut invert[v].0);
-        if let Some(sum) = log_likelihood.as_deref_mut() {
-            let (best, norm) = (<[f32; LANES]>::from(best), <[f32; LANES]>::from(norm));
-            *sum += (0..particle_range.len()).map(|i| f64::from(best[i]) + libm::log2(f64::from(norm[i]))).sum::<f64>();
-        }
-    }
-    invert
-}
-
-/// Adds the batch's responsibilities and focused moments to each candidate's sums.
-#[inline(always)]
-fn add_moments<S: Simd>(
-    simd: S,
-    batch: &ParticleBatch,
-    invert: &[Lanes; BATCH],
-    candidates: &[WhitenedGaussian],
-    share: &[[Lanes; BATCH]],
-    sums: &mut [[Lanes; SUMS]],
-) {
-    for ((s, sum), c) in share.iter().zip(sums.iter_mut()).zip(candidates) {
-        let mut total: [f32x16<S>; SUMS] = std::array::from_fn(|_| f32x16::splat(simd, 0.0));
-        for v in 0..batch.vectors() {
-            let [x, y, z] = batch.at(simd, v);
-            let r = f32x16::load_array_ref(simd, &s[v].0) * f32x16::load_array_ref(simd, &invert[v].0);
-            let focus_square = squared(&c.focus, [x - c.mean[0], y - c.mean[1], z - c.mean[2]]);
-            let w = r * exp2(simd, -focus_square);
-            let (wx, wy, wz) = (w * x, w * y, w * z);
-            let mass = f32x16::load_array_ref(simd, &batch.mass[v].0);
-            let add = [r, r * mass, w, wx, wy, wz, wx * x, wx * y, wx * z, wy * y, wy * z, wz * z];
-            for q in 0..SUMS {
-                total[q] += add[q];
+        for (i, active) in active.iter_mut().enumerate() {
+            let lanes = &mut share[i * count + v].0;
+            let log = f32x16::load_array_ref(simd, lanes) - best;
+            if log.simd_gt(f32x16::splat(simd, NEGLIGIBLE)).any_true() {
+                let density = exp2(simd, log);
+                norm += density;
+                density.store_slice(lanes);
+                *active |= 1 << v;
             }
         }
-        for q in 0..SUMS {
-            (f32x16::load_array_ref(simd, &sum[q].0) + total[q]).store_slice(&mut sum[q].0);
+        (f32x16::load_array_ref(simd, &vector.norm.0) / norm).store_slice(&mut vector.norm.0);
+        if let Some(sum) = log_likelihood.as_deref_mut() {
+            let (best, norm) = (<[f32; LANES]>::from(best), <[f32; LANES]>::from(norm));
+            *sum += (0..vector.len).map(|i| f64::from(best[i]) + libm::log2(f64::from(norm[i]))).sum::<f64>();
         }
     }
+}
+
+/// A candidate's responsibilities and focused moments of the vectors that it gets anything of.
+#[inline(always)]
+fn moments<S: Simd>(
+    simd: S,
+    vectors: &[ParticleVector],
+    c: &WhitenedGaussian,
+    share: &[Lanes],
+    active: u32,
+) -> CandidateSums {
+    if active == 0 {
+        return [0.0; SUMS];
+    }
+    let mut total = [f32x16::splat(simd, 0.0); SUMS];
+    for (v, (vector, share)) in vectors.iter().zip(share).enumerate() {
+        if active >> v & 1 == 0 {
+            continue;
+        }
+        let [x, y, z] = vector.position(simd);
+        let r = f32x16::load_array_ref(simd, &share.0) * f32x16::load_array_ref(simd, &vector.norm.0);
+        let focus_square = squared(&c.focus, [x - c.mean[0], y - c.mean[1], z - c.mean[2]]);
+        let w = r * exp2(simd, -focus_square);
+        let (wx, wy, wz) = (w * x, w * y, w * z);
+        let mass = f32x16::load_array_ref(simd, &vector.mass.0);
+        let add = [r, r * mass, w, wx, wy, wz, wx * x, wx * y, wx * z, wy * y, wy * z, wz * z];
+        for q in 0..SUMS {
+            total[q] += add[q];
+        }
+    }
+    across(simd, &total)
 }
 
 /// |rows d|^2 with the lower triangle `rows`.
@@ -252,24 +262,10 @@ fn squared<S: Simd>(rows: &[f32; 6], [dx, dy, dz]: [f32x16<S>; 3]) -> f32x16<S> 
     u * u + v * v + w * w
 }
 
-/// The first candidate whose logarithm is the largest.
-#[inline(always)]
-fn name_owners(logs: &[[Lanes; BATCH]], v: usize, best: &[f32; LANES], owner: &mut [u32]) {
-    let mut names = [u32::MAX; LANES];
-    for (c, log) in logs.iter().enumerate() {
-        for i in 0..LANES {
-            names[i] = names[i].min(if log[v].0[i] == best[i] { c as u32 } else { u32::MAX });
-        }
-    }
-    for (o, n) in owner.iter_mut().zip(names) {
-        *o = if n == u32::MAX { 0 } else { n };
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use particlegs_core::math::Random;
+    use particlegs_core::math::{Random, each_axis};
 
     /// The E step as a reader would write it, f64.
     fn plain(

@@ -7,8 +7,8 @@
 //! every particle.
 
 use super::em::{
-    Candidates, ExpectationOptions, GroupStore, GroupedParticles, ParticleGroups, RefinedGaussians, Regularisation,
-    expect, maximise, regroup,
+    Candidates, Expectation, ExpectationOptions, GroupStore, GroupedParticles, ParticleGroups, RefinedGaussians,
+    Regularisation, expect, maximise, regroup,
 };
 use super::gain::{Blur, picture_sigma};
 use super::overlap_tree::SearchReach;
@@ -39,6 +39,8 @@ pub(crate) struct RefineOptions {
     pub iterations: usize,
     /// EM iterations after the last round.
     pub settling: usize,
+    /// Times as far as an iteration of EM would go.
+    pub stride: f64,
     /// EM iterations over all particles after that, where the rounds look at a sample.
     pub last_iterations: usize,
     /// Iterations end before there are as many once one gains less than this many bits of log likelihood a particle.
@@ -223,7 +225,8 @@ impl Refiner<'_> {
             if self.options.last_iterations > 0 {
                 // The candidates of the rounds are those of the sample's groups.
                 let candidates = self.candidates(&groups, &gaussians)?;
-                self.iterate(whole, &candidates, &mut gaussians, &expected, self.options.last_iterations)?;
+                let iterations = self.options.last_iterations;
+                self.iterate(whole, &candidates, &mut gaussians, &expected, iterations, &mut Expectation::default())?;
             }
         } else {
             (_, born) = self.rounds(whole, &mut gaussians)?;
@@ -237,7 +240,7 @@ impl Refiner<'_> {
         Candidates::find(groups, gaussians, SearchReach { most: 24, beyond: 14.0 }, self.shape().floor, self.context)
     }
 
-    /// EM with fixed candidates and expected shapes; whose each particle is.
+    /// EM with fixed candidates and expected shapes; leaves the last E step in `expectation`, with its owners.
     fn iterate(
         &self,
         particles: GroupedParticles<'_>,
@@ -245,24 +248,24 @@ impl Refiner<'_> {
         gaussians: &mut RefinedGaussians,
         expected: &[Sym3],
         iterations: usize,
-    ) -> Result<Vec<u32>> {
-        let (mut owner, mut before) = (Vec::new(), f64::NEG_INFINITY);
+        expectation: &mut Expectation,
+    ) -> Result<()> {
+        let mut previous_likelihood = f64::NEG_INFINITY;
         let settled = self.options.settled;
         let enough = settled.map(|bits| bits * std::f64::consts::LN_2 * particles.xyz.len() as f64);
         for i in 0..iterations {
             // Only the last iteration's owners are used; where one may settle, any may be the last.
             let expectation_options =
                 ExpectationOptions { owner: settled.is_some() || i + 1 == iterations, likelihood: settled.is_some() };
-            let expectation =
-                expect(particles, candidates, gaussians, self.shape(), expectation_options, self.context)?;
-            maximise(&expectation, particles.groups, candidates, gaussians, self.shape(), expected);
-            owner = expectation.owner;
-            if enough.is_some_and(|enough| expectation.likelihood - before < enough) {
+            let shape = self.shape();
+            expect(particles, candidates, gaussians, shape, expectation_options, expectation, self.context)?;
+            maximise(expectation, particles.groups, candidates, gaussians, shape, expected, self.options.stride);
+            if enough.is_some_and(|enough| expectation.likelihood - previous_likelihood < enough) {
                 break;
             }
-            before = expectation.likelihood;
+            previous_likelihood = expectation.likelihood;
         }
-        Ok(owner)
+        Ok(())
     }
 
     /// EM and rounds of split and merge; returns the shape that was expected of each Gaussian last, and which are
@@ -283,17 +286,21 @@ impl Refiner<'_> {
         };
         let candidates = self.candidates(particles.groups, gaussians)?;
         let mut expected = shapes_beside(gaussians);
-        let mut owner = self.iterate(particles, &candidates, gaussians, &expected, options.first_iterations.max(1))?;
+        let mut expectation = Expectation::default();
+        let first_iterations = options.first_iterations.max(1);
+        self.iterate(particles, &candidates, gaussians, &expected, first_iterations, &mut expectation)?;
         self.context.advance(1);
-        let mut group_store: GroupStore;
-        let mut particles = particles;
+        let (mut store, mut next_store) = (None::<GroupStore>, GroupStore::default());
         let Some(transmittance) = self.shade else { return Ok((expected, born)) };
         for round in 1..=options.rounds {
             let last = round == options.rounds;
             self.context.check()?;
             // Splits and mean shapes rely on group j being Gaussian j's own particles.
-            group_store = regroup(particles, &owner, gaussians.len());
-            particles = group_store.view();
+            let grouped = store.as_ref().map_or(particles, GroupStore::view);
+            regroup(grouped, &expectation.owner, gaussians.len(), &mut next_store);
+            let previous_store = store.replace(next_store);
+            next_store = previous_store.unwrap_or_default();
+            let particles = store.as_ref().map_or(particles, GroupStore::view);
             let candidates = self.candidates(particles.groups, gaussians)?;
             expected = candidates.mean_shapes(gaussians);
             let moves = moves(if last { LAST_MOVE_BLUR_RADII } else { MOVE_BLUR_RADII });
@@ -306,7 +313,7 @@ impl Refiner<'_> {
                 born[m.freed as usize] = true;
             }
             let iterations = if last { options.settling } else { options.iterations };
-            owner = self.iterate(particles, &candidates, gaussians, &expected, iterations.max(1))?;
+            self.iterate(particles, &candidates, gaussians, &expected, iterations.max(1), &mut expectation)?;
             self.context.advance(1);
         }
         Ok((expected, born))

@@ -30,6 +30,7 @@ fn refined_with(p: &Particles, gaussians: usize, rounds: usize, sample: f64, con
         most_moved: 0.2,
         iterations: 2,
         settling: 2,
+        stride: 1.6,
         last_iterations: 2,
         settled: None,
         sample,
@@ -162,6 +163,7 @@ fn efforts_follow_the_cost() {
     let small = rounds(Effort::Default, 1 << 21, 19_000);
     let large = rounds(Effort::Default, 1 << 28, 2_470_000);
     assert!(large >= 1 && large < small);
+    assert!(rounds(Effort::Best, 1 << 21, 19_000) > small && rounds(Effort::Best, 1 << 28, 2_470_000) > large);
     // Blocks share the bound: eight of them take as many rounds as one of all particles.
     assert_eq!(shared(Effort::Default, 0.125, 1 << 25, 308_750), large);
 }

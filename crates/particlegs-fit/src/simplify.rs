@@ -9,7 +9,8 @@
 //! Count, mass, mean and covariance of the whole are kept throughout.
 
 use super::gain::{Blur, PictureGaussian, picture_sigma};
-use super::overlap_tree::{Ellipsoid, OverlapTree, SearchReach};
+use super::overlap_tree::{Ellipsoid, OverlapSearch, OverlapTree, SearchReach};
+use fearless_simd::Level;
 use particlegs_core::context::Context;
 use particlegs_core::math::{Sym3, each_axis};
 use particlegs_core::model::Mixture;
@@ -148,22 +149,22 @@ impl OverlapNeighbours {
     fn find(items: &[MergeGaussian], measure: OverlapMeasure, reach: f64, context: &Context<'_>) -> Result<Self> {
         let ellipsoids: Vec<Ellipsoid> =
             parallel::map_range(items.len(), |i| ellipsoid(&items[i].gaussian, measure.floor));
-        let tree = OverlapTree::new(&ellipsoids);
+        let tree = OverlapTree::new(&ellipsoids, context.simd());
         let reach = SearchReach { most: NEIGHBOURS, beyond: reach };
         let mut place = vec![0u32; items.len()];
         tree.order().iter().enumerate().for_each(|(at, &i)| place[i as usize] = at as u32);
-        let scratch = parallel::Scratch::<Vec<(f64, u32)>>::default();
+        let scratch = parallel::Scratch::<OverlapSearch>::default();
         let neighbours_of = |j: usize| {
             if j.is_multiple_of(CHECK) {
                 context.check()?;
             }
-            scratch.with(|neighbours| {
+            scratch.with(|search| {
                 // Those without particles are in no tree: they have no place to search from.
                 match items[j].gaussian.count > 0.0 {
-                    true => tree.nearest_to(place[j] as usize, reach, neighbours),
-                    false => tree.nearest(&ellipsoids[j], reach, neighbours),
+                    true => tree.nearest_to(&ellipsoids[j], place[j], reach, search),
+                    false => tree.nearest(&ellipsoids[j], reach, search),
                 }
-                Ok(neighbours.iter().map(|f| f.1).filter(|&n| n as usize != j).collect())
+                Ok(search.neighbours.iter().map(|f| f.1).filter(|&n| n as usize != j).collect())
             })
         };
         parallel::try_map_range(items.len(), neighbours_of).map(Self)
@@ -173,7 +174,7 @@ impl OverlapNeighbours {
     fn beside(items: &[MergeGaussian], measure: OverlapMeasure) -> Self {
         let ellipsoids: Vec<Ellipsoid> =
             parallel::map_range(items.len(), |i| ellipsoid(&items[i].gaussian, measure.floor));
-        let tree = OverlapTree::new(&ellipsoids);
+        let tree = OverlapTree::new(&ellipsoids, Level::new());
         let mut lists = vec![Vec::new(); items.len()];
         for pair in tree.order().windows(2) {
             lists[pair[0] as usize].push(pair[1]);

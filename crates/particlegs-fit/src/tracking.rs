@@ -67,6 +67,7 @@ pub fn track_gaussians(
         rounds,
         iterations,
         settling: iterations,
+        stride: 1.0,
         ratio,
         most_moved,
         ..base_options

@@ -5,7 +5,7 @@ use crate::gif::{self, GifFrame};
 use crate::picture_out::PictureOut;
 use crate::run::DrawingJob;
 use crate::view_content::{ViewContent, ViewRenderer};
-use particlegs_core::camera::{View, ViewSet};
+use particlegs_core::camera::ViewSet;
 use particlegs_core::context::Context;
 use particlegs_core::picture::{Plane, Size};
 use particlegs_core::{Error, Hint, Result, parallel};
@@ -34,33 +34,43 @@ pub struct FrameOutputs<'a> {
     pub gif: Option<u32>,
 }
 
-/// Common range of these views; draws each of them once.
+/// Memory for drawn values that wait for the range of all frames, bytes; frames beyond it are drawn twice.
+const WAITING: usize = 1 << 30;
+
+/// Values of frames that wait for their colours.
+type WaitingFrames = Vec<Mutex<Option<ViewContent>>>;
+
+/// Common range of these views, each of which is drawn once, and what was drawn of the first of them.
 fn one_range(
     renderer: &ViewRenderer<'_>,
     finish: &Finisher<'_>,
     set: &ViewSet,
     context: &Context<'_>,
-) -> Result<[f64; 2]> {
+) -> Result<([f64; 2], WaitingFrames)> {
     context.begin("one range for all frames", set.views.len() as u64);
-    let view_range = |view: &View| {
-        let range = finish.range_of(&(renderer.draw)(view, set.size)?);
+    // A field's values are f64 beside an f32 that shades them, a density's are f32.
+    let pixel_bytes = if finish.field.is_some() { 12 } else { 4 };
+    let most = WAITING / (pixel_bytes * set.size.pixels().max(1));
+    let drawn = each(renderer, set.views.len(), |i| {
+        let content = (renderer.draw)(&set.views[i], set.size)?;
+        let range = finish.range_of(&content);
         context.advance(1);
-        Ok(range)
-    };
-    let ranges = each(renderer, &set.views, view_range);
+        Ok((range, Mutex::new(Some(content).filter(|_| i < most))))
+    });
     context.end();
-    Ok(finish.common_range(ranges?))
+    let (ranges, waiting): (Vec<_>, WaitingFrames) = drawn?.into_iter().unzip();
+    Ok((finish.common_range(ranges), waiting))
 }
 
 /// Works on every view, in parallel if the renderer allows it.
 fn each<T: Send>(
     renderer: &ViewRenderer<'_>,
-    views: &[View],
-    task: impl Fn(&View) -> Result<T> + Sync,
+    views: usize,
+    task: impl Fn(usize) -> Result<T> + Sync,
 ) -> Result<Vec<T>> {
     match renderer.side_by_side {
-        true => parallel::try_map_range(views.len(), |i| task(&views[i])),
-        false => views.iter().map(task).collect(),
+        true => parallel::try_map_range(views, task),
+        false => (0..views).map(task).collect(),
     }
 }
 
@@ -68,18 +78,19 @@ fn each<T: Send>(
 pub fn draw(job: &DrawingJob<'_>, into: &FrameOutputs<'_>) -> Result<FrameSeries> {
     let DrawingJob { painter, finish, set, options, context, .. } = *job;
     let (density, count) = (finish.shows_values(), set.views.len());
-    let range = match (options.range, density) {
-        (None, true) => Some(one_range(painter, finish, set, context)?),
-        (range, _) => range,
+    let (range, waiting) = match (options.range, density) {
+        (None, true) => one_range(painter, finish, set, context).map(|(range, waiting)| (Some(range), waiting))?,
+        (range, _) => (range, Vec::new()),
     };
     let shown_range = range.unwrap_or(Plane::EMPTY_RANGE);
     let written = AtomicUsize::new(0);
     let size = Mutex::new(None);
     context.begin("drawing frames", count as u64);
-    let frame = |view: &View| {
+    let frame = |i: usize| {
         context.check()?;
-        let started = Instant::now();
-        let content: ViewContent = (painter.draw)(view, set.size)?;
+        let (started, view) = (Instant::now(), &set.views[i]);
+        let values = waiting.get(i).and_then(|content| content.lock().unwrap_or_else(|e| e.into_inner()).take());
+        let content = values.map_or_else(|| (painter.draw)(view, set.size), Ok)?;
         let (image, dpi) = finish.pixels(content, view, shown_range)?;
         of_one_size(&size, &image)?;
         if let Some(out) = into.files {
@@ -91,7 +102,7 @@ pub fn draw(job: &DrawingJob<'_>, into: &FrameOutputs<'_>) -> Result<FrameSeries
         context.advance(1);
         Ok((started.elapsed().as_secs_f64(), gif))
     };
-    let all = each(painter, &set.views, frame);
+    let all = each(painter, count, frame);
     context.end();
     let all = match into.files {
         Some(out) => out.count(written.into_inner(), count, all, context),

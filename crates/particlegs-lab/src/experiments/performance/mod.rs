@@ -41,7 +41,7 @@ fn run(lab: &Lab<'_>, snapshots: &[Snapshot]) -> Result<ExperimentResults> {
     let (snapshot, machine) = (&snapshots[0], Machine::here());
     let raw = RawCopy::new(lab, snapshot);
     let opening = ours::opening(lab, snapshot, &machine)?;
-    let efforts = [("fast", Effort::Fast), ("default", Effort::Default)];
+    let efforts = [("fast", Effort::Fast), ("default", Effort::Default), ("best", Effort::Best)];
     let compressions = efforts
         .into_iter()
         .map(|(name, effort)| Ok((name, ours::compression(lab, snapshot, effort, &machine)?)))
