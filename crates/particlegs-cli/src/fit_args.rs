@@ -27,7 +27,7 @@ pub struct FitArgs {
     /// Effort of the fit.
     ///
     /// docs/guide/choosing.md says when to use which.
-    #[arg(long, value_name = "LEVEL", default_value = "default", value_parser = named::<Effort>())]
+    #[arg(long, value_name = "LEVEL", default_value = "default", hide_default_value = true, value_parser = named::<Effort>())]
     effort: Effort,
     /// Particle radius to store as the default, world units [default: 0.0406 of the mean spacing].
     #[arg(long, value_name = "R", hide_short_help = true)]

@@ -297,7 +297,8 @@ impl<'a> FieldSelection<'a> {
         Ok(CompressedModel { bytes, model, ..done })
     }
 
-    /// Adds the fields to the file of a `model` that was made of the particles, and gives the new file.
+    /// The file of a model with the fields added: `bytes` is its file without them, `model` the same decoded, both made
+    /// of the particles that have the fields.
     pub(crate) fn add_to(&self, bytes: &[u8], model: &Model, context: &Context<'_>) -> Result<Vec<u8>> {
         let shared = codec::read_metadata(bytes, "the model")?.shared_species;
         if !shared.is_empty() {

@@ -10,8 +10,8 @@ use particlegs_core::space::Bounds;
 use particlegs_core::{Error, Result, codec};
 use particlegs_fit::{Effort, SimplifyOptions};
 
-/// Reduces `model` (of `model_bytes` bytes) to a number of Gaussians or a ratio; every layer becomes
-/// one block. Metadata of the source stay, its hash with them; the certificate goes.
+/// Reduces `model` (of `model_bytes` bytes) to a number of Gaussians, a ratio or a size, fields not counted; every layer
+/// becomes one block. Metadata of the snapshot stay, also its hash; the certificate is dropped.
 pub fn simplify(model: Model, model_bytes: u64, target: Target, context: &Context<'_>) -> Result<Vec<u8>> {
     let target = target.check()?;
     let Model { mut metadata, layers, .. } = model;

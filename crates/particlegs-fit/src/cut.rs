@@ -16,7 +16,7 @@ const SLICES: usize = 32;
 const SPAN: f64 = 2.8;
 /// Particles projected at a time.
 const BLOCK: usize = 64;
-/// Particles whose sums are kept in f32.
+/// Particles after which sums in f32 are added to those in f64.
 const FLUSH: usize = 2048;
 /// Cells of more particles than twice this are profiled by about this many of them.
 const SAMPLE: usize = 1 << 13;
@@ -190,7 +190,7 @@ fn profile(axis: &PrincipalAxis, xyz: &[[f32; 3]], stride: usize) -> [SliceSums;
             add_block(axis, &copy, len, &mut part);
         }
         part_count += len;
-        // Sums go to f64 before the rounding of f32 counts.
+        // Sums go to f64 before their rounding in f32 matters.
         if part_count >= FLUSH || start + len == sample_count {
             for (t, p) in total.iter_mut().flatten().zip(part.iter_mut().flatten()) {
                 *t += f64::from(*p);

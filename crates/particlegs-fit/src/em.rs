@@ -101,6 +101,7 @@ pub(crate) struct Candidates {
     /// Gaussian j stands at the entries `entry[entry_start[j]..entry_start[j + 1]]`, ascending.
     entry_start: Vec<usize>,
     entry: Vec<u32>,
+    /// The group of each entry of `index`.
     group: Vec<u32>,
 }
 
@@ -538,6 +539,47 @@ mod tests {
                 prop_assert!((gaussians.count.iter().sum::<f64>() - 400.0).abs() < 1e-3);
             }
         }
+    }
+
+    #[test]
+    fn longer_steps_gain_likelihood_sooner() {
+        let gain = |seed, stride| {
+            let (store, mut gaussians) = problem(seed);
+            let options = ExpectationOptions { likelihood: true, ..ExpectationOptions::default() };
+            let reach = SearchReach { most: 8, beyond: 1e9 };
+            let candidates = Candidates::find(&store.groups, &gaussians, reach, PLAIN.floor, &Context::SILENT).unwrap();
+            let mut e = Expectation::default();
+            for _ in 0..5 {
+                expect(store.view(), &candidates, &gaussians, PLAIN, options, &mut e, &Context::SILENT).unwrap();
+                maximise(&e, &store.groups, &candidates, &mut gaussians, PLAIN, &[SPHERE; 8], stride);
+            }
+            e.likelihood
+        };
+        let sooner = (0..20).filter(|&seed| gain(seed, 1.6) > gain(seed, 1.0)).count();
+        assert!(sooner >= 18, "{sooner} of 20");
+    }
+
+    #[test]
+    fn a_longer_step_leaves_a_sound_gaussian_or_is_not_made() {
+        let mut random = Random::new(3, 7, 0);
+        let mut step = || {
+            let mut vector = || each_axis(|_| random.normal());
+            let cov = Sym3::outer(vector()).add(&Sym3::outer(vector())).add(&Sym3::scaled_identity(0.01));
+            GaussianStep { mean: vector(), cov, count: 1.0 + 50.0 * vector()[0].abs() }
+        };
+        let mut steps = 0;
+        for _ in 0..500 {
+            let (old, other) = (step(), step());
+            let next = GaussianStep { cov: old.cov.scale(0.7).add(&other.cov.scale(0.3)), ..other };
+            assert!(old.beyond(next, 1.0).is_none());
+            let Some(further) = old.beyond(next, 1.6) else { continue };
+            steps += 1;
+            assert!(further.cov.eigen().values[2] > 0.0 && further.count > 0.0);
+            (0..3).for_each(|k| {
+                assert!((further.mean[k] - next.mean[k] - 0.6 * (next.mean[k] - old.mean[k])).abs() < 1e-12);
+            });
+        }
+        assert!((10..490).contains(&steps), "{steps}");
     }
 
     #[test]

@@ -63,11 +63,11 @@ impl Selection {
         Err(Error::argument(message))
     }
 
-    /// As a model's recipe says it: options of the command, such as `region`, with their values. The seed stands there
-    /// anyway.
+    /// As a model's recipe says it: options of the command, such as `region`, with their values. The recipe has the seed
+    /// as a key of its own.
     pub fn options(&self) -> BTreeMap<String, String> {
         let join = |v: &[f64]| v.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
-        // To twelve digits: what a user wrote, less what halving a width made of it.
+        // To twelve digits: bounds that were computed as a centre and half a width give back the numbers as written.
         let plain = |v: f64| format!("{v:.11e}").parse().unwrap_or(v);
         let mut options = BTreeMap::new();
         let mut option = |name: &str, value: String| options.insert(name.to_string(), value);

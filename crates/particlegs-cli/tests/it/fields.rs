@@ -70,9 +70,13 @@ fn fields_are_compressed_listed_and_recovered_with_positions() {
     let names = ["velocity_x", "velocity_y", "velocity_z", "temperature"];
     dir.runs("recover all.pgs -o drawn");
     let drawn_sums = sums(&dir.at("drawn"), &names);
-    let was = sums(&dir.at("snap"), &["vx", "vy", "vz", "temperature"]);
-    for (a, b) in drawn_sums.iter().zip(&was) {
-        assert!((a - b).abs() < 5.0 * COUNT as f64, "{drawn_sums:?} {was:?}");
+    let sources = ["vx", "vy", "vz", "temperature"];
+    let source_sums = sums(&dir.at("snap"), &sources);
+    for (name, (drawn, source)) in sources.iter().zip(drawn_sums.iter().zip(&source_sums)) {
+        // Three times the scatter of a sum of so many drawn values.
+        let mean = source / COUNT as f64;
+        let scatter = read(&dir.at("snap"), name).iter().map(|v| (v - mean).powi(2)).sum::<f64>().sqrt();
+        assert!((drawn - source).abs() < 3.0 * scatter, "{name}: {drawn} {source}");
     }
     let squares = |folder: &str, name: &str| read(&dir.at(folder), name).iter().map(|v| v * v).sum::<f64>();
     for (ours, theirs) in [("velocity_x", "vx"), ("velocity_y", "vy"), ("velocity_z", "vz")] {

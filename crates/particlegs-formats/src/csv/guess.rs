@@ -270,7 +270,7 @@ impl ColumnName {
             [b'[', .., b']'] | [b'(', .., b')'] => rest[1..rest.len() - 1].trim(),
             _ => "",
         };
-        // `pos[0]` counts, `x [kpc]` names a unit.
+        // `pos[0]` numbers a component, `x [kpc]` names a unit.
         let counts = inner.parse::<u32>().is_ok();
         let unit = (!inner.is_empty() && !counts && !stem.trim().is_empty()).then(|| inner.to_string());
         let text = if unit.is_some() { stem.trim() } else { name }.to_string();

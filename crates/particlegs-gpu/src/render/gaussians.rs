@@ -110,7 +110,8 @@ impl GaussianExtent {
         extent
     }
 
-    /// By the nearest and the farthest corner, with room for what float32 rounds.
+    /// Whether a Gaussian may reach beyond the lens's range or be too wide for its distance: judged by the corners of the
+    /// box of means, with room for what float32 rounds.
     fn may_be_cut(&self, lens: &Lens) -> bool {
         const ROOM: f64 = 1.001;
         let ([near, far], forward) = (lens.range, lens.axes[2]);
@@ -121,7 +122,7 @@ impl GaussianExtent {
         let [nearest, farthest] = [0, 1].map(|end| along.iter().map(|a| a[end]).sum::<f64>());
         let sigma = ROOM * self.sigma * forward.iter().map(|v| v * v).sum::<f64>().sqrt();
         let room = (ROOM - 1.0) * nearest.abs().max(farthest.abs()) + REACH * sigma;
-        // Not the negations: what is not a number may be anything.
+        // Negated as a whole, so that the answer is yes where a bound is not a number.
         let whole = nearest - room > near
             && farthest + room < far
             && (!lens.perspective || sigma < LARGEST_SPREAD / ROOM * nearest);
