@@ -82,6 +82,8 @@ pub(crate) struct Regularisation {
     /// Variance below which details do not show: smaller Gaussians keep their plain moments.
     pub(crate) blur: f64,
     pub(crate) prior: Prior,
+    /// Times as far as a step of EM that the M step goes (overrelaxed EM: Salakhutdinov and Roweis 2003).
+    pub(crate) stride: f64,
 }
 
 impl ParticleGroups {
@@ -208,6 +210,8 @@ impl Candidates {
 /// Result of an E step.
 #[derive(Default)]
 pub(crate) struct Expectation {
+    /// What it is to give.
+    pub(crate) options: ExpectationOptions,
     sums: Vec<CandidateSums>,
     /// The likeliest Gaussian of each particle, where asked for.
     pub(crate) owner: Vec<u32>,
@@ -228,14 +232,14 @@ pub(crate) fn expect(
     candidates: &Candidates,
     gaussians: &RefinedGaussians,
     shape: Regularisation,
-    options: ExpectationOptions,
     expectation: &mut Expectation,
     context: &Context<'_>,
 ) -> Result<()> {
     let groups = particles.groups;
     // Each Gaussian is whitened once, in f64; groups only move it to their centre, where f32 has digits left.
     let whitened: Vec<_> = parallel::map_range(gaussians.len(), |j| Whitening::new(gaussians, j, shape));
-    let Expectation { sums, owner, .. } = expectation;
+    let Expectation { options, sums, owner, .. } = expectation;
+    let options = *options;
     sums.resize(candidates.index.len(), [0.0; SUMS]);
     owner.resize(if options.owner { particles.xyz.len() } else { 0 }, 0);
     let work = split_by_groups(sums, owner, groups, candidates);
@@ -342,8 +346,8 @@ fn whiten(cov: &Sym3, floor: f64, share: f64) -> ([f32; 6], f64) {
 }
 
 /// The M step: each Gaussian becomes the moments of the responsibilities it got, its shape as far as they support
-/// it against the one `expected`; or goes `stride` times as far (overrelaxed EM: Salakhutdinov and Roweis 2003). One that
-/// got (nearly) nothing keeps its shape with a count of zero.
+/// it against the one `expected`, or goes further than that. One that got (nearly) nothing keeps its shape with a count of
+/// zero.
 pub(crate) fn maximise(
     expectation: &Expectation,
     groups: &ParticleGroups,
@@ -351,7 +355,6 @@ pub(crate) fn maximise(
     gaussians: &mut RefinedGaussians,
     shape: Regularisation,
     expected: &[Sym3],
-    stride: f64,
 ) {
     let updates = parallel::map_range(gaussians.len(), |j| {
         let total = gather(expectation, groups, candidates, j, gaussians.mean[j]);
@@ -368,7 +371,7 @@ pub(crate) fn maximise(
         let cov = shape.prior.most_probable(&sample_cov, count, &expected[j]);
         let step = GaussianStep { mean, cov, count };
         let old = GaussianStep { mean: gaussians.mean[j], cov: gaussians.cov[j], count: gaussians.count[j] };
-        let GaussianStep { mean, cov, count: reached } = old.beyond(step, stride).unwrap_or(step);
+        let GaussianStep { mean, cov, count: reached } = old.beyond(step, shape.stride).unwrap_or(step);
         (mean, cov, reached, total[1] * reached / count)
     });
     for (j, (mean, cov, count, mass)) in updates.into_iter().enumerate() {
@@ -502,7 +505,8 @@ mod tests {
     use particlegs_core::math::Random;
     use proptest::prelude::*;
 
-    const PLAIN: Regularisation = Regularisation { floor: 1e-4, focus: 0.0, blur: 0.0, prior: Prior::NONE };
+    const PLAIN: Regularisation =
+        Regularisation { floor: 1e-4, focus: 0.0, blur: 0.0, prior: Prior::NONE, stride: 1.0 };
 
     /// Four clumps cut into eight cells along x.
     fn problem(seed: u64) -> (GroupStore, RefinedGaussians) {
@@ -529,13 +533,13 @@ mod tests {
             let candidates = Candidates::find(groups, &gaussians, reach, PLAIN.floor, &Context::SILENT).unwrap();
             let mut last = f64::NEG_INFINITY;
             for _ in 0..12 {
-                let mut e = Expectation::default();
-                expect(particles, &candidates, &gaussians, PLAIN, options, &mut e, &Context::SILENT).unwrap();
+                let mut e = Expectation { options, ..Expectation::default() };
+                expect(particles, &candidates, &gaussians, PLAIN, &mut e, &Context::SILENT).unwrap();
                 // The floor is added, not fitted: it may cost a little.
                 let least = last - 0.02 * particles.xyz.len() as f64 * PLAIN.floor / 0.01;
                 prop_assert!(e.likelihood >= least, "{} {last}", e.likelihood);
                 last = e.likelihood;
-                maximise(&e, groups, &candidates, &mut gaussians, PLAIN, &[SPHERE; 8], 1.0);
+                maximise(&e, groups, &candidates, &mut gaussians, PLAIN, &[SPHERE; 8]);
                 prop_assert!((gaussians.count.iter().sum::<f64>() - 400.0).abs() < 1e-3);
             }
         }
@@ -548,10 +552,11 @@ mod tests {
             let options = ExpectationOptions { likelihood: true, ..ExpectationOptions::default() };
             let reach = SearchReach { most: 8, beyond: 1e9 };
             let candidates = Candidates::find(&store.groups, &gaussians, reach, PLAIN.floor, &Context::SILENT).unwrap();
-            let mut e = Expectation::default();
+            let mut e = Expectation { options, ..Expectation::default() };
+            let shape = Regularisation { stride, ..PLAIN };
             for _ in 0..5 {
-                expect(store.view(), &candidates, &gaussians, PLAIN, options, &mut e, &Context::SILENT).unwrap();
-                maximise(&e, &store.groups, &candidates, &mut gaussians, PLAIN, &[SPHERE; 8], stride);
+                expect(store.view(), &candidates, &gaussians, shape, &mut e, &Context::SILENT).unwrap();
+                maximise(&e, &store.groups, &candidates, &mut gaussians, shape, &[SPHERE; 8]);
             }
             e.likelihood
         };
@@ -590,15 +595,15 @@ mod tests {
         let groups = ParticleGroups::new(std::iter::once(0..xyz.len()).collect(), &xyz);
         let mut gaussians = RefinedGaussians::default();
         gaussians.push(groups.mean[0], groups.cov[0], 40_000.0, 0.0);
-        let shape = Regularisation { floor: 1e-8, focus: 0.8, blur: 0.04 * 0.04, prior: Prior::NONE };
+        let shape = Regularisation { floor: 1e-8, focus: 0.8, blur: 0.04 * 0.04, ..PLAIN };
         let candidates =
             Candidates::find(&groups, &gaussians, SearchReach { most: 4, beyond: 9.0 }, shape.floor, &Context::SILENT)
                 .unwrap();
         for _ in 0..10 {
             let particles = GroupedParticles { xyz: &xyz, weight: None, groups: &groups };
-            let (mut e, options) = (Expectation::default(), ExpectationOptions::default());
-            expect(particles, &candidates, &gaussians, shape, options, &mut e, &Context::SILENT).unwrap();
-            maximise(&e, &groups, &candidates, &mut gaussians, shape, &[SPHERE], 1.0);
+            let mut e = Expectation::default();
+            expect(particles, &candidates, &gaussians, shape, &mut e, &Context::SILENT).unwrap();
+            maximise(&e, &groups, &candidates, &mut gaussians, shape, &[SPHERE]);
         }
         for (k, s) in [(0, 0.3), (3, 0.1), (5, 0.02)] {
             let sigma = gaussians.cov[0].0[k].sqrt();

@@ -96,17 +96,14 @@ fn kernel<S: Simd>(
     let mut log_likelihood = likelihood.then_some(0.0);
     for first in (0..points.len()).step_by(RUN) {
         let run = first..points.len().min(first + RUN);
-        let KernelScratch { vectors, share, active } = scratch;
-        vectors.clear();
+        scratch.vectors.clear();
         for start in run.clone().step_by(LANES) {
             let lanes = start..run.end.min(start + LANES);
-            vectors.push(ParticleVector::new(&points[lanes.clone()], weight.map(|w| &w[lanes]), centre));
+            scratch.vectors.push(ParticleVector::new(&points[lanes.clone()], weight.map(|w| &w[lanes]), centre));
         }
-        share.resize(k * vectors.len(), ZERO);
-        active.clear();
-        active.resize(k, 0);
         let owner = if owner.is_empty() { &mut [] } else { &mut owner[run] };
-        responsibilities(simd, vectors, candidates, share, active, owner, log_likelihood.as_mut());
+        responsibilities(simd, candidates, scratch, owner, log_likelihood.as_mut());
+        let KernelScratch { vectors, share, active } = &*scratch;
         for (c, candidate) in candidates.iter().enumerate() {
             let share = &share[c * vectors.len()..][..vectors.len()];
             let part = moments(simd, vectors, candidate, share, active[c]);
@@ -172,20 +169,22 @@ impl ParticleVector {
     }
 }
 
-/// Densities relative to each particle's largest into `share`, what they are to be multiplied by into the vectors' norm
-/// (0 in empty places), and into `active` which of the vectors a candidate gets anything of. Log2 likelihoods are added
-/// where there is a sum for them.
+/// Densities relative to each particle's largest into the scratch's `share`, what they are to be multiplied by into its
+/// vectors' norm (0 in empty places), and into `active` which of the vectors a candidate gets anything of. Log2
+/// likelihoods are added where there is a sum for them.
 #[inline(always)]
 fn responsibilities<S: Simd>(
     simd: S,
-    vectors: &mut [ParticleVector],
     candidates: &[WhitenedGaussian],
-    share: &mut [Lanes],
-    active: &mut [u32],
+    scratch: &mut KernelScratch,
     owner: &mut [u32],
     mut log_likelihood: Option<&mut f64>,
 ) {
+    let KernelScratch { vectors, share, active } = scratch;
     let count = vectors.len();
+    share.resize(candidates.len() * count, ZERO);
+    active.clear();
+    active.resize(candidates.len(), 0);
     for (v, vector) in vectors.iter_mut().enumerate() {
         let [x, y, z] = vector.position(simd);
         let mut best = f32x16::splat(simd, f32::MIN);

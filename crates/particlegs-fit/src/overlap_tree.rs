@@ -268,14 +268,14 @@ impl OverlapTree {
 
     /// The Gaussians that overlap most with `group`, as far as `reach`.
     pub(crate) fn nearest(&self, group: &Ellipsoid, reach: SearchReach, search: &mut OverlapSearch) {
-        dispatch!(self.simd, simd => self.search(simd, group, None, usize::MAX, reach, search));
+        dispatch!(self.simd, simd => self.search(simd, group, None, reach, search));
     }
 
     /// [`Self::nearest`] to one of the Gaussians themselves, which is the `at`-th in the tree's order, by a look
     /// at no more than [`MOST_LEAVES`] leaves. Where so many overlap alike that no bound tells them
     /// apart (thousands at one place), those are taken that lie beside it in the tree.
     pub(crate) fn nearest_to(&self, ellipsoid: &Ellipsoid, at: u32, reach: SearchReach, search: &mut OverlapSearch) {
-        dispatch!(self.simd, simd => self.search(simd, ellipsoid, Some(at), MOST_LEAVES, reach, search));
+        dispatch!(self.simd, simd => self.search(simd, ellipsoid, Some(at), reach, search));
     }
 
     /// The Gaussians in the tree's order.
@@ -289,11 +289,11 @@ impl OverlapTree {
         simd: S,
         group: &Ellipsoid,
         home: Option<u32>,
-        mut leaves: usize,
         reach: SearchReach,
         search: &mut OverlapSearch,
     ) {
         let OverlapSearch { neighbours, parts } = search;
+        let mut leaves = if home.is_some() { MOST_LEAVES } else { usize::MAX };
         neighbours.clear();
         parts.clear();
         parts.extend(self.root.map(|root| (f64::NEG_INFINITY, root)));

@@ -198,7 +198,13 @@ impl Refiner<'_> {
     fn shape(&self) -> Regularisation {
         let prior = Prior { thin: self.options.thin, ..Prior::REFINED };
         let blur = Blur::from_sigma(picture_sigma(FOCUS_BLUR_RADII * self.radius, self.pixel));
-        Regularisation { floor: (FLOOR_RADII * self.radius).powi(2), focus: FOCUS, blur: blur.variance, prior }
+        Regularisation {
+            floor: (FLOOR_RADII * self.radius).powi(2),
+            focus: FOCUS,
+            blur: blur.variance,
+            prior,
+            stride: self.options.stride,
+        }
     }
 
     /// Refines the Gaussians of some cells, from `gaussians` on; and says which of these gave up their places to halves
@@ -226,7 +232,8 @@ impl Refiner<'_> {
                 // The candidates of the rounds are those of the sample's groups.
                 let candidates = self.candidates(&groups, &gaussians)?;
                 let iterations = self.options.last_iterations;
-                self.iterate(whole, &candidates, &mut gaussians, &expected, iterations, &mut Expectation::default())?;
+                let neighbours = (&candidates, &expected[..]);
+                self.iterate(whole, neighbours, &mut gaussians, iterations, &mut Expectation::default())?;
             }
         } else {
             (_, born) = self.rounds(whole, &mut gaussians)?;
@@ -244,9 +251,8 @@ impl Refiner<'_> {
     fn iterate(
         &self,
         particles: GroupedParticles<'_>,
-        candidates: &Candidates,
+        (candidates, expected): (&Candidates, &[Sym3]),
         gaussians: &mut RefinedGaussians,
-        expected: &[Sym3],
         iterations: usize,
         expectation: &mut Expectation,
     ) -> Result<()> {
@@ -255,11 +261,11 @@ impl Refiner<'_> {
         let enough = settled.map(|bits| bits * std::f64::consts::LN_2 * particles.xyz.len() as f64);
         for i in 0..iterations {
             // Only the last iteration's owners are used; where one may settle, any may be the last.
-            let expectation_options =
+            expectation.options =
                 ExpectationOptions { owner: settled.is_some() || i + 1 == iterations, likelihood: settled.is_some() };
             let shape = self.shape();
-            expect(particles, candidates, gaussians, shape, expectation_options, expectation, self.context)?;
-            maximise(expectation, particles.groups, candidates, gaussians, shape, expected, self.options.stride);
+            expect(particles, candidates, gaussians, shape, expectation, self.context)?;
+            maximise(expectation, particles.groups, candidates, gaussians, shape, expected);
             if enough.is_some_and(|enough| expectation.likelihood - previous_likelihood < enough) {
                 break;
             }
@@ -288,7 +294,7 @@ impl Refiner<'_> {
         let mut expected = shapes_beside(gaussians);
         let mut expectation = Expectation::default();
         let first_iterations = options.first_iterations.max(1);
-        self.iterate(particles, &candidates, gaussians, &expected, first_iterations, &mut expectation)?;
+        self.iterate(particles, (&candidates, &expected), gaussians, first_iterations, &mut expectation)?;
         self.context.advance(1);
         let (mut store, mut next_store) = (None::<GroupStore>, GroupStore::default());
         let Some(transmittance) = self.shade else { return Ok((expected, born)) };
@@ -313,7 +319,7 @@ impl Refiner<'_> {
                 born[m.freed as usize] = true;
             }
             let iterations = if last { options.settling } else { options.iterations };
-            self.iterate(particles, &candidates, gaussians, &expected, iterations.max(1), &mut expectation)?;
+            self.iterate(particles, (&candidates, &expected), gaussians, iterations.max(1), &mut expectation)?;
             self.context.advance(1);
         }
         Ok((expected, born))

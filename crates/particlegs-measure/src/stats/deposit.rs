@@ -234,17 +234,23 @@ fn add_to_planes(grid: &Grid, sorted: &SortedChunk, scheme: Assignment, planes: 
 fn add_record(grid: &Grid, (u, weight): &CellRecord, scheme: Assignment, planes: &Range<usize>, out: &mut [f64]) {
     let order = scheme.order();
     let axes: [(i64, [f64; 3]); 3] = each_axis(|k| scheme.weights(u[k]));
+    let cells_along = |k: usize| -> [usize; 3] { std::array::from_fn(|a| grid.wrap(k, axes[k].0 + a as i64)) };
+    let (columns, depths) = (cells_along(1), cells_along(2));
+    // All but the particles at an edge reach cells that lie side by side.
+    let side_by_side = depths[order - 1] == depths[0] + order - 1;
     for a in 0..order {
         let i = grid.wrap(0, axes[0].0 + a as i64);
         if !planes.contains(&i) {
             continue;
         }
         for b in 0..order {
-            let j = grid.wrap(1, axes[1].0 + b as i64);
-            let row = ((i - planes.start) * grid.cells[1] + j) * grid.cells[2];
+            let row = ((i - planes.start) * grid.cells[1] + columns[b]) * grid.cells[2];
             let share = weight * axes[0].1[a] * axes[1].1[b];
-            for c in 0..order {
-                out[row + grid.wrap(2, axes[2].0 + c as i64)] += share * axes[2].1[c];
+            if side_by_side {
+                let cells = &mut out[row + depths[0]..][..order];
+                cells.iter_mut().zip(axes[2].1).for_each(|(cell, weight)| *cell += share * weight);
+            } else {
+                (0..order).for_each(|c| out[row + depths[c]] += share * axes[2].1[c]);
             }
         }
     }
