@@ -92,7 +92,8 @@ fn panels_have_one_range_and_one_bar() {
     let s = folder();
     model(&s, "b", 7.0, 60);
     let range = |words: &str| {
-        let report = render(&s, &format!("{words} --style density --size 60x40 --panels"));
+        let view = "--style density --size 60x40 --center 5,5,5 --width 10";
+        let report = render(&s, &format!("{words} {view} --panels"));
         [0, 1].map(|k| report["range"][k].as_f64().unwrap())
     };
     let alone = ["a.pgs", "b.pgs"].map(|m| range(&format!("{m} -o one.svg")));
