@@ -94,11 +94,10 @@ pub(super) fn refinement(particles: usize, gaussians: usize, options: &FitOption
     const MOST_ROUNDS: f64 = 12.0;
     /// The same if the rounds look at a sample: of nbody128 at ratio 3000, 8 and 12 lose 0.10 and 0.02 dB.
     const MOST_ROUNDS_SAMPLED: f64 = 16.0;
-    /// Rounds of the default effort (docs/results/effort.md).
+    /// Rounds of the default effort (docs/results/effort.md and notebook.md).
     const FEW_ROUNDS: f64 = 6.0;
     /// Two iterations between rounds that go so far are worth three of EM's own: on nbody64 and abacus-mini at ratio
-    /// 300, six rounds lose 0.012 and 0.015 bits against twelve of three iterations, and 0.029 and 0.024 with 1. The
-    /// effort `fast` gains 0.03 bits, 0.06 dB and 0.1 dB at large radii.
+    /// 300, six rounds lose 0.012 and 0.015 bits against twelve of three iterations, and 0.029 and 0.024 with 1.
     const STRIDE: f64 = 1.6;
     /// Particle visits by the rounds of the best effort, half a CPU-second a million; the default has half of them.
     const VISITS: f64 = 1600e6;
@@ -113,7 +112,7 @@ pub(super) fn refinement(particles: usize, gaussians: usize, options: &FitOption
             most_moved: 0.2,
             iterations: 0,
             settling: 0,
-            stride: STRIDE,
+            stride: 1.0,
             last_iterations: 0,
             settled: None,
             sample: 100.0,

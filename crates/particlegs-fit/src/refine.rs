@@ -233,7 +233,7 @@ impl Refiner<'_> {
                 let candidates = self.candidates(&groups, &gaussians)?;
                 let iterations = self.options.last_iterations;
                 let neighbours = (&candidates, &expected[..]);
-                self.iterate(whole, neighbours, &mut gaussians, iterations, &mut Expectation::default())?;
+                self.iterate(whole, neighbours, &mut gaussians, (iterations, true), &mut Expectation::default())?;
             }
         } else {
             (_, born) = self.rounds(whole, &mut gaussians)?;
@@ -247,13 +247,14 @@ impl Refiner<'_> {
         Candidates::find(groups, gaussians, SearchReach { most: 24, beyond: 14.0 }, self.shape().floor, self.context)
     }
 
-    /// EM with fixed candidates and expected shapes; leaves the last E step in `expectation`, with its owners.
+    /// EM with fixed candidates and expected shapes; leaves the last E step in `expectation`, with its owners. The last
+    /// iteration of all goes no further than EM, so that moments are those of the particles.
     fn iterate(
         &self,
         particles: GroupedParticles<'_>,
         (candidates, expected): (&Candidates, &[Sym3]),
         gaussians: &mut RefinedGaussians,
-        iterations: usize,
+        (iterations, is_end): (usize, bool),
         expectation: &mut Expectation,
     ) -> Result<()> {
         let mut previous_likelihood = f64::NEG_INFINITY;
@@ -263,7 +264,10 @@ impl Refiner<'_> {
             // Only the last iteration's owners are used; where one may settle, any may be the last.
             expectation.options =
                 ExpectationOptions { owner: settled.is_some() || i + 1 == iterations, likelihood: settled.is_some() };
-            let shape = self.shape();
+            let mut shape = self.shape();
+            if is_end && i + 1 == iterations {
+                shape.stride = 1.0;
+            }
             expect(particles, candidates, gaussians, shape, expectation, self.context)?;
             maximise(expectation, particles.groups, candidates, gaussians, shape, expected);
             if enough.is_some_and(|enough| expectation.likelihood - previous_likelihood < enough) {
@@ -294,7 +298,8 @@ impl Refiner<'_> {
         let mut expected = shapes_beside(gaussians);
         let mut expectation = Expectation::default();
         let first_iterations = options.first_iterations.max(1);
-        self.iterate(particles, (&candidates, &expected), gaussians, first_iterations, &mut expectation)?;
+        let is_end = options.rounds == 0;
+        self.iterate(particles, (&candidates, &expected), gaussians, (first_iterations, is_end), &mut expectation)?;
         self.context.advance(1);
         let (mut store, mut next_store) = (None::<GroupStore>, GroupStore::default());
         let Some(transmittance) = self.shade else { return Ok((expected, born)) };
@@ -319,7 +324,7 @@ impl Refiner<'_> {
                 born[m.freed as usize] = true;
             }
             let iterations = if last { options.settling } else { options.iterations };
-            self.iterate(particles, (&candidates, &expected), gaussians, iterations.max(1), &mut expectation)?;
+            self.iterate(particles, (&candidates, &expected), gaussians, (iterations.max(1), last), &mut expectation)?;
             self.context.advance(1);
         }
         Ok((expected, born))
