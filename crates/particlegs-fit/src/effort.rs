@@ -94,7 +94,7 @@ pub(super) fn refinement(particles: usize, gaussians: usize, options: &FitOption
     const MOST_ROUNDS: f64 = 12.0;
     /// The same if the rounds look at a sample: of nbody128 at ratio 3000, 8 and 12 lose 0.10 and 0.02 dB.
     const MOST_ROUNDS_SAMPLED: f64 = 16.0;
-    /// Rounds of the default effort (docs/results/effort.md and notebook.md).
+    /// Rounds of the default effort (docs/results/notebook.md).
     const FEW_ROUNDS: f64 = 6.0;
     /// Two iterations between rounds that go so far are worth three of EM's own: on nbody64 and abacus-mini at ratio
     /// 300, six rounds lose 0.012 and 0.015 bits against twelve of three iterations, and 0.029 and 0.024 with 1.
