@@ -136,7 +136,9 @@ describe("series in the page", () => {
       if (!playing) break;
       await new Promise((r) => setTimeout(r, 50));
     }
-    assert.ok(seen.size > FRAMES, `${seen.size} moments`);
+    // However few pictures a busy machine draws: frames are 0.05 apart, and it also shows what is between.
+    const between = [...seen].filter((time) => Math.abs(20 * time - Math.round(20 * time)) > 1e-6);
+    assert.ok(between.length > 0, `${[...seen].join(" ")}`);
     // The picture of the last moment may still be drawn.
     await tab.waitForFunction(() => Math.abs(globalThis.particlegs.page.panes[0].last.state.time - 0.8) < 1e-9);
     assert.equal(ranges.size, 1, [...ranges].join("; "));
