@@ -161,7 +161,7 @@ impl FigureImage {
         }
     }
 
-    /// Black for white and white for black: dark ink on a white ground.
+    /// Black for white and white for black: dark ink on a white background.
     pub fn inverted(mut self) -> Self {
         match &mut self {
             FigureImage::Gray(g) => g.data.iter_mut().for_each(|v| *v = 255 - *v),

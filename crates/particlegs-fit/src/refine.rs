@@ -309,8 +309,8 @@ impl Refiner<'_> {
             // Splits and mean shapes rely on group j being Gaussian j's own particles.
             let grouped = store.as_ref().map_or(particles, GroupStore::view);
             regroup(grouped, &expectation.owner, gaussians.len(), &mut next_store);
-            let previous_store = store.replace(next_store);
-            next_store = previous_store.unwrap_or_default();
+            // The memory of the round before is the next one's.
+            next_store = store.replace(next_store).unwrap_or_default();
             let particles = store.as_ref().map_or(particles, GroupStore::view);
             let candidates = self.candidates(particles.groups, gaussians)?;
             expected = candidates.mean_shapes(gaussians);

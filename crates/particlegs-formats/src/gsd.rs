@@ -299,8 +299,8 @@ mod tests {
             .map(|i| index + 32 * i)
             .find(|&at| u64::from_le_bytes(GOOD[at + 8..at + 16].try_into().unwrap()) == 50 && GOOD[at + 24] == 3);
         let at = position.unwrap();
-        let seen = with(at + 8, 1 << 50);
-        assert!(seen.contains("frame 2: particles/position: its 1125899906842624 rows of 3 numbers"), "{seen}");
+        let error = with(at + 8, 1 << 50);
+        assert!(error.contains("frame 2: particles/position: its 1125899906842624 rows of 3 numbers"), "{error}");
         assert!(with(index, 1 << 40).contains("entries for"), "{}", with(index, 1 << 40));
     }
 }

@@ -11,6 +11,7 @@ use particlegs_core::picture::{Plane, Size};
 use particlegs_core::{Error, Hint, Result, parallel};
 use particlegs_figure::FigureImage;
 use particlegs_figure::png_file::{PngMetadata, coded};
+use particlegs_files::memory::available_bytes;
 use particlegs_files::output::write_bytes;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -34,8 +35,9 @@ pub struct FrameOutputs<'a> {
     pub gif: Option<u32>,
 }
 
-/// Memory for drawn values that wait for the range of all frames, bytes; frames beyond it are drawn twice.
-const WAITING: usize = 1 << 30;
+/// Memory for drawn values that wait for the range of all frames, bytes, and at most a quarter of what is free; frames
+/// beyond it are drawn twice.
+const WAITING: u64 = 1 << 30;
 
 /// Values of frames that wait for their colours.
 type WaitingFrames = Vec<Mutex<Option<ViewContent>>>;
@@ -50,7 +52,8 @@ fn one_range(
     context.begin("one range for all frames", set.views.len() as u64);
     // A field's values are f64 beside an f32 that shades them, a density's are f32.
     let pixel_bytes = if finish.field.is_some() { 12 } else { 4 };
-    let most = WAITING / (pixel_bytes * set.size.pixels().max(1));
+    let waiting_bytes = available_bytes().map_or(WAITING, |free| WAITING.min(free / 4)) as usize;
+    let most = waiting_bytes / (pixel_bytes * set.size.pixels().max(1));
     let drawn = each(renderer, set.views.len(), |i| {
         let content = (renderer.draw)(&set.views[i], set.size)?;
         let range = finish.range_of(&content);

@@ -137,8 +137,8 @@ const MOST_FILES: u32 = 65_536;
 /// Opens all files of the snapshot that `paths` belong to: one of them is enough; their blocks as
 /// [`GadgetFile::open`]. Also what a user should know.
 fn open(paths: &[PathBuf], options: &Choice) -> Result<(Vec<GadgetFile>, Vec<String>)> {
-    let given = GadgetFile::open(&paths[0], &options.blocks)?;
-    let files = given.header.files;
+    let named_file = GadgetFile::open(&paths[0], &options.blocks)?;
+    let files = named_file.header.files;
     if files > MOST_FILES {
         return Err(Error::input(&paths[0], format!("the header says {files} files: the header is damaged")));
     }
@@ -163,7 +163,7 @@ fn open(paths: &[PathBuf], options: &Choice) -> Result<(Vec<GadgetFile>, Vec<Str
             return Err(Error::input_with(name, message, "put all files of the snapshot into one folder"));
         }
         let part = GadgetFile::open(name, &options.blocks)?;
-        check_alike(&given, &part)?;
+        check_alike(&named_file, &part)?;
         parts.push(part);
     }
     for message in wrong_totals(&parts) {

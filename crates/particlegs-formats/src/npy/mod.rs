@@ -219,8 +219,8 @@ pub(crate) mod tests {
     fn doubles_far_away_keep_their_precision() {
         let at = [1e12 + 0.25, 0.0, 0.0, 1e12 + 0.5, 1.0, 1.0];
         let snapshot = open_bytes("a.npy", &npy("'<f8'", false, "(2, 3)", &le(&at))).unwrap();
-        let seen = rows(&*snapshot, 0, &Choice::default()).unwrap();
-        assert_eq!(seen[1][0] - seen[0][0], 0.25);
+        let columns = rows(&*snapshot, 0, &Choice::default()).unwrap();
+        assert_eq!(columns[1][0] - columns[0][0], 0.25);
     }
 
     #[test]

@@ -306,12 +306,12 @@ impl GltfDocument {
             return Ok((0..self.meshes.len()).map(|m| (m, Affine::IDENTITY)).collect());
         };
         let mut out = Vec::new();
-        // A node has one parent: one seen twice is a loop or a lie.
-        let mut seen = vec![false; self.nodes.len()];
+        // A node has one parent: one reached twice is a loop or a lie.
+        let mut has_parent = vec![false; self.nodes.len()];
         let mut open: Vec<(usize, Affine)> = scene.nodes.iter().rev().map(|&n| (n, Affine::IDENTITY)).collect();
         while let Some((number, parent)) = open.pop() {
             let node = self.nodes.get(number).ok_or("a scene refers to a node that does not exist")?;
-            if std::mem::replace(&mut seen[number], true) {
+            if std::mem::replace(&mut has_parent[number], true) {
                 return Err(format!("node {number} has two parents"));
             }
             let world = parent.after(&node.local());

@@ -325,8 +325,8 @@ mod tests {
                 let mut sum = begin();
                 add(&mut sum);
                 let depth = sum.depth().unwrap();
-                let seen = |t: f32| 255.0 * (1.0 - f64::from(-t).exp());
-                let apart = depth.data.iter().zip(&tau.data).map(|(a, b)| (seen(*a) - seen(*b)).abs());
+                let level = |t: f32| 255.0 * (1.0 - f64::from(-t).exp());
+                let apart = depth.data.iter().zip(&tau.data).map(|(a, b)| (level(*a) - level(*b)).abs());
                 let worst = apart.fold(0.0, f64::max);
                 println!("{position:?} radius {radius} opacity {opacity}: largest {worst:.4} levels");
                 assert!(worst < 0.1, "{position:?} radius {radius} opacity {opacity}: largest {worst:.4} levels");
@@ -345,7 +345,7 @@ mod tests {
         }
     }
 
-    /// The largest usual picture is drawn where a card sees no more than 128 MiB at once.
+    /// The largest usual picture is drawn where a GPU binds no more than 128 MiB at once.
     #[test]
     #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
     fn a_picture_of_8k_is_drawn() {

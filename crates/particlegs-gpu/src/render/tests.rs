@@ -114,7 +114,7 @@ fn kernels_agree_with_their_twins() {
     }
 }
 
-/// The largest usual picture is drawn where a card sees no more than 128 MiB at once.
+/// The largest usual picture is drawn where a GPU binds no more than 128 MiB at once.
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn a_picture_of_8k_is_drawn() {

@@ -159,7 +159,7 @@ fn slow_strips_of_odd_pictures_leave_no_trace() {
     }
 }
 
-/// The largest usual picture is drawn where a card sees no more than 128 MiB at once.
+/// The largest usual picture is drawn where a GPU binds no more than 128 MiB at once.
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn slow_a_picture_of_8k_is_drawn() {
