@@ -21,6 +21,11 @@ const FLUSH: usize = 2048;
 /// Cells of more particles than twice this are profiled by about this many of them.
 const SAMPLE: usize = 1 << 13;
 
+/// Of a cell's particles every so manyth is looked at to choose its cut.
+pub(super) fn stride(particles: usize) -> usize {
+    if particles > 2 * SAMPLE { particles / SAMPLE } else { 1 }
+}
+
 /// Sums over a slice: particles, place t along the axis, t^2, distance^2 from the axis.
 type SliceSums = [f64; 4];
 
@@ -70,8 +75,7 @@ impl Cut {
     /// The best cut of `xyz`, or `None` where its particles are all in one place.
     pub fn best(level: Level, xyz: &[[f32; 3]], moments: &Moments, blur: Blur) -> Option<Cut> {
         let axis = PrincipalAxis::principal(moments)?;
-        let stride = if xyz.len() > 2 * SAMPLE { xyz.len() / SAMPLE } else { 1 };
-        let slices = fearless_simd::dispatch!(level, _simd => profile(&axis, xyz, stride));
+        let slices = fearless_simd::dispatch!(level, _simd => profile(&axis, xyz, stride(xyz.len())));
         let unit = f64::from(axis.per_unit);
         let two_s = 2.0 * blur.variance * unit * unit;
         let first = fearless_simd::dispatch!(level, _simd => best_slice(&slices, two_s))?;
@@ -295,7 +299,7 @@ fn exp_negative(x: f64) -> f64 {
 }
 
 /// Largest eigenvalue and its unit vector: in closed form where that is safe, else by Jacobi.
-fn principal_axis(cov: &Sym3) -> (f64, [f64; 3]) {
+pub(super) fn principal_axis(cov: &Sym3) -> (f64, [f64; 3]) {
     closed_principal_axis(cov).unwrap_or_else(|| {
         let e = cov.eigen();
         (e.values[0], e.vectors[0])

@@ -190,6 +190,20 @@ impl Candidates {
         Self::from_lists(&lists, gaussians)
     }
 
+    /// The same lists where group j is Gaussian j's, once the particles are grouped anew: a half that was made has those
+    /// of the whole.
+    pub(crate) fn regrouped(&self, exchanges: &[GaussianExchange], gaussians: usize) -> Self {
+        let mut source: Vec<u32> = (0..gaussians as u32).collect();
+        exchanges.iter().for_each(|m| source[m.freed as usize] = m.split);
+        let lists: Vec<Vec<u32>> = source.iter().map(|&g| self.of(g as usize).to_vec()).collect();
+        Self::from_lists(&lists, gaussians)
+    }
+
+    /// Whether every group of particles has candidates.
+    pub(crate) fn cover(&self, groups: &ParticleGroups) -> bool {
+        groups.range.iter().enumerate().all(|(g, range)| range.is_empty() || !self.of(g).is_empty())
+    }
+
     /// The mean shape of the candidates of each group, where group j is Gaussian j's.
     pub(crate) fn mean_shapes(&self, gaussians: &RefinedGaussians) -> Vec<Sym3> {
         parallel::map_range(gaussians.len(), |j| {
@@ -435,16 +449,29 @@ fn unfocus(cov: Sym3, old: &Sym3, shape: Regularisation) -> Sym3 {
     if shape.focus == 0.0 {
         return cov;
     }
-    let mut e = old.eigen();
-    e.values = e.values.map(|v| {
-        let v = v.max(0.0);
-        (1.0 + shape.focus * v / (v + shape.floor + shape.blur)).sqrt()
-    });
-    let (t, c) = (Sym3::from_eigen(&e), cov.rows());
-    let columns: [[f64; 3]; 3] = each_axis(|k| t.apply(c[k]));
-    // Row k of T C is T applied to the columns of C, which are its rows; then the same from the right.
-    let tc: [[f64; 3]; 3] = each_axis(|i| each_axis(|k| columns[k][i]));
-    let r: [[f64; 3]; 3] = each_axis(|i| t.apply(tc[i]));
+    // T is 1 + focus - focus blur (S + blur)^-1.
+    let (blur, most) = (shape.floor + shape.blur, 1.0 + shape.focus);
+    let identity = Sym3::scaled_identity;
+    let Some(precision) = old.add(&identity(blur)).inverse() else { return cov };
+    // Over the root of the largest that they can be, its eigenvalues lie about 1: two of Newton's steps from the mean
+    // with 1 give the root to nine digits.
+    let size = most.sqrt();
+    let t = identity(most).add(&precision.scale(-shape.focus * blur)).scale(1.0 / size);
+    let mut root = t.add(&identity(1.0)).scale(0.5);
+    for _ in 0..2 {
+        let Some(inverse) = root.inverse() else { return cov };
+        root = root.add(&symmetric(product(inverse.rows(), &t))).scale(0.5);
+    }
+    symmetric(product(product(root.rows(), &cov), &root)).scale(size)
+}
+
+/// The rows of `a` times a symmetric matrix.
+fn product(a: [[f64; 3]; 3], b: &Sym3) -> [[f64; 3]; 3] {
+    a.map(|row| b.apply(row))
+}
+
+/// A matrix that is symmetric but for rounding.
+fn symmetric(r: [[f64; 3]; 3]) -> Sym3 {
     let half = |i: usize, k: usize| 0.5 * (r[i][k] + r[k][i]);
     Sym3([r[0][0], half(0, 1), half(0, 2), r[1][1], half(1, 2), r[2][2]])
 }

@@ -42,7 +42,7 @@ const ZERO: Lanes = Lanes([0.0; LANES]);
 
 /// Logarithm to base 2, relative to each particle's likeliest candidate, below which a candidate gets nothing of a
 /// vector of particles.
-const NEGLIGIBLE: f32 = -24.0;
+const NEGLIGIBLE: f32 = -16.0;
 
 /// Buffers of one thread.
 #[derive(Default)]
@@ -152,12 +152,16 @@ impl ParticleVector {
     #[inline(always)]
     fn new(points: &[[f32; 3]], weight: Option<&[f32]>, centre: [f32; 3]) -> Self {
         let mut v = ParticleVector { position: [ZERO; 3], mass: ZERO, norm: ZERO, len: points.len() };
-        for (lane, p) in points.iter().enumerate() {
-            for axis in 0..3 {
-                v.position[axis].0[lane] = p[axis] - centre[axis];
-            }
-            v.norm.0[lane] = 1.0;
+        let mut full = [centre; LANES];
+        // Most vectors are full: of a fixed length they are turned by shuffles.
+        let full = <&[[f32; 3]; LANES]>::try_from(points).unwrap_or_else(|_| {
+            full[..points.len()].copy_from_slice(points);
+            &full
+        });
+        for axis in 0..3 {
+            v.position[axis] = Lanes(std::array::from_fn(|lane| full[lane][axis] - centre[axis]));
         }
+        v.norm.0[..points.len()].fill(1.0);
         v.mass.0.iter_mut().zip(weight.unwrap_or(&[])).for_each(|(m, w)| *m = *w);
         v
     }

@@ -71,7 +71,9 @@ impl Blur {
             let d = [a.mean[u] - b.mean[u], a.mean[v] - b.mean[v]];
             let det = s[0] * s[2] - s[1] * s[1];
             let form = (s[2] * d[0] * d[0] - 2.0 * s[1] * d[0] * d[1] + s[0] * d[1] * d[1]) / det;
-            sum += libm::exp(-0.5 * form) / (TAU * det.sqrt());
+            // Half of the products are of one Gaussian with itself.
+            let peak = if form == 0.0 { 1.0 } else { libm::exp(-0.5 * form) };
+            sum += peak / (TAU * det.sqrt());
         }
         a.count * b.count * sum
     }

@@ -302,6 +302,8 @@ impl Refiner<'_> {
         self.iterate(particles, (&candidates, &expected), gaussians, (first_iterations, is_end), &mut expectation)?;
         self.context.advance(1);
         let (mut store, mut next_store) = (None::<GroupStore>, GroupStore::default());
+        // Those of the round before, once its groups are the Gaussians' own.
+        let mut previous_candidates = None::<Candidates>;
         let Some(transmittance) = self.shade else { return Ok((expected, born)) };
         for round in 1..=options.rounds {
             let last = round == options.rounds;
@@ -312,11 +314,16 @@ impl Refiner<'_> {
             // The memory of the round before is the next one's.
             next_store = store.replace(next_store).unwrap_or_default();
             let particles = store.as_ref().map_or(particles, GroupStore::view);
-            let candidates = self.candidates(particles.groups, gaussians)?;
+            // An exchange moves few Gaussians, so that the lists of one search last two rounds.
+            let is_searched = (options.rounds - round).is_multiple_of(2);
+            let is_usable = |c: &Candidates| !is_searched && c.cover(particles.groups);
+            let candidates = match previous_candidates.take().filter(is_usable) {
+                Some(candidates) => candidates,
+                None => self.candidates(particles.groups, gaussians)?,
+            };
             expected = candidates.mean_shapes(gaussians);
             let moves = moves(if last { LAST_MOVE_BLUR_RADII } else { MOVE_BLUR_RADII });
             let exchanges = exchange(gaussians, particles, &candidates, transmittance, moves, self.context)?;
-            // Searched once a round: an exchange moves few Gaussians, and their groups are known.
             let candidates = candidates.after(&exchanges, gaussians.len());
             for m in &exchanges {
                 // A half lies where the whole did, so the same neighbours tell its shape.
@@ -325,6 +332,7 @@ impl Refiner<'_> {
             }
             let iterations = if last { options.settling } else { options.iterations };
             self.iterate(particles, (&candidates, &expected), gaussians, (iterations.max(1), last), &mut expectation)?;
+            previous_candidates = Some(candidates.regrouped(&exchanges, gaussians.len()));
             self.context.advance(1);
         }
         Ok((expected, born))

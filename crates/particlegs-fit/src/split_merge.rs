@@ -3,6 +3,7 @@
 //! A split's gain and a merge's cost are the same measure: what pictures show ([`Blur::difference`]) and, with
 //! less weight, what particles tell of the density (log likelihood).
 
+use super::cut::principal_axis;
 use super::em::{Candidates, GaussianExchange, GroupedParticles, RefinedGaussians, Regularisation};
 use super::gain::{Blur, PictureGaussian};
 use super::prior::SPHERE;
@@ -193,7 +194,7 @@ fn best_splits(
     let split = |j: usize| {
         let points = &particles.xyz[groups.range[j].clone()];
         let whole = PictureGaussian { count: points.len() as f64, mean: groups.mean[j], cov: groups.cov[j] };
-        let axis = whole.cov.eigen().vectors[0];
+        let (_, axis) = principal_axis(&whole.cov);
         let parts = cut(points, whole.mean, axis)?;
         let [a, b] = &parts;
         let picture = options.blur.difference(&whole, a, b) * transmittance.at(whole.mean);
@@ -224,10 +225,12 @@ fn cheapest_merges(
         if me.count == 0.0 {
             return Some(MergeProposal { cost: 0.0, a: j as u32, b: j as u32 });
         }
+        // One that may merge lies beside it, where as much shows.
+        let shade = cost.shade.at(me.mean);
         let merge = |n: u32| {
             let other = picture_gaussian(g, n as usize);
             let whole = me.union(&other);
-            let picture = cost.blur.difference(&whole, &me, &other) * cost.shade.at(whole.mean);
+            let picture = cost.blur.difference(&whole, &me, &other) * shade;
             let likelihood = likelihood_gain(&whole, &me, &other, cost.floor);
             let cost = SplitGain { picture, likelihood }.weighted(cost.per_nat);
             MergeProposal { cost, a: (j as u32).min(n), b: (j as u32).max(n) }

@@ -37,7 +37,7 @@ pub(super) fn blend(depth: &[f32], alpha: &[f32], peels: usize, rest: bool) -> B
             wrote,
         };
     }
-    let (mut low, mut high) = extremes(depth);
+    let [mut low, mut high] = extremes(depth);
     for peel in 0..peels.min(PEELS) {
         let step = peel_once(depth, alpha, front, [low, high]);
         if step.back > 0 {
@@ -62,9 +62,25 @@ pub(super) fn blend(depth: &[f32], alpha: &[f32], peels: usize, rest: bool) -> B
     BlendedPixel { level: to_byte(f + b * (1.0 - f)) as u8, wrote }
 }
 
-fn extremes(depth: &[f32]) -> (f32, f32) {
-    // Window depths lie in [0, 1]: the fold begins with an empty range.
-    depth.iter().fold((1.0, -1.0), |(lo, hi), &z| (if z < lo { z } else { lo }, if z > hi { z } else { hi }))
+/// Window depths lie in [0, 1], where the bits of float32 are ordered as its numbers are: whole numbers have a least and
+/// a largest that compile to vectors.
+#[inline(always)]
+fn ordered(depth: f32) -> i32 {
+    // A negative zero is a zero.
+    (depth + 0.0).to_bits() as i32
+}
+
+/// No depth yet: the least is above the largest.
+const NO_DEPTHS: [i32; 2] = [0x3f80_0000, -1];
+
+#[inline(always)]
+fn depths([low, high]: [i32; 2]) -> [f32; 2] {
+    if high < 0 { [1.0, -1.0] } else { [low, high].map(|bits| f32::from_bits(bits as u32)) }
+}
+
+#[inline(always)]
+fn extremes(depth: &[f32]) -> [f32; 2] {
+    depths(depth.iter().fold(NO_DEPTHS, |[low, high], &z| [low.min(ordered(z)), high.max(ordered(z))]))
 }
 
 struct Peel {
@@ -73,26 +89,27 @@ struct Peel {
     next: [f32; 2],
 }
 
+#[inline(always)]
 fn peel_once(depth: &[f32], alpha: &[f32], front: u32, [low, high]: [f32; 2]) -> Peel {
     const E: f32 = DEPTH_TOLERANCE;
-    let mut out = Peel { front: 0, back: 0, next: [1.0, -1.0] };
+    let (mut new_front, mut back, mut next) = (0i32, 0i32, NO_DEPTHS);
     let through = 1.0 - to_float(front);
+    // Without branches, so that it compiles to vectors.
+    let pick = |is: bool, value: i32| if is { value } else { 0 };
     for (&z, &a) in depth.iter().zip(alpha) {
-        if z > low + E && z < high - E {
-            // Strictly between: a candidate of the next peel; the front shows through.
-            out.next = [if z < out.next[0] { z } else { out.next[0] }, if z > out.next[1] { z } else { out.next[1] }];
-            out.front = out.front.max(front);
-        } else if z < low - E || z > high + E {
-            // It was peeled before: the front stays as it is.
-            out.front = out.front.max(front);
-        } else if a > 0.0 {
-            if z >= low - E && z <= low + E {
-                out.front = out.front.max(to_byte(through * a + to_float(front)));
-            } else {
-                out.front = out.front.max(front);
-                out.back = out.back.max(to_byte(a));
-            }
-        }
+        // Strictly between: a candidate of the next peel; the front shows through.
+        let is_between = (z > low + E) & (z < high - E);
+        // Peeled before: the front stays as it is.
+        let is_peeled = !is_between & ((z < low - E) | (z > high + E));
+        let is_seen = !is_between & !is_peeled & (a > 0.0);
+        let is_front = is_seen & (z >= low - E) & (z <= low + E);
+        let bits = ordered(z);
+        next[0] = next[0].min(if is_between { bits } else { NO_DEPTHS[0] });
+        next[1] = next[1].max(if is_between { bits } else { NO_DEPTHS[1] });
+        let blended = to_byte(through * a + to_float(front)) as i32;
+        let unchanged = pick(is_between | is_peeled | is_seen, front as i32);
+        new_front = new_front.max(if is_front { blended } else { unchanged });
+        back = back.max(pick(is_seen & !is_front, to_byte(a) as i32));
     }
-    out
+    Peel { front: new_front as u32, back: back as u32, next: depths(next) }
 }

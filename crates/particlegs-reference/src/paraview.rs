@@ -4,7 +4,7 @@
 use super::bands::{BandSorter, BandedSplats, visit_sample};
 use super::blend::blend;
 use super::project::{BLOCK, DIAGONAL_LIMIT, NdcSplat, ProjectedBlock, Projector};
-use super::quad::{Quad, first_pixel, snap};
+use super::quad::{Quad, WIDE, first_pixel, snap};
 use fearless_simd::{Simd, dispatch};
 use particlegs_core::context::Context;
 use particlegs_core::memory::reserved;
@@ -226,17 +226,14 @@ impl ParaviewScene<'_> {
             // A row on which all splats of a large snapshot lie is gathered whole.
             let held = size_of::<[f32; 2]>() as u64 * (scratch.first[end * width] - base);
             require("splats that cover most of the picture", held)?;
-            self.gather(
-                band.splats(),
-                first_row + row,
-                &scratch.first[row * width..=end * width],
-                FragmentGather {
-                    next: &mut scratch.next,
-                    depth: &mut scratch.depth,
-                    alpha: &mut scratch.alpha,
-                    shapes: &mut scratch.shapes,
-                },
-            )?;
+            let into = FragmentGather {
+                next: &mut scratch.next,
+                depth: &mut scratch.depth,
+                alpha: &mut scratch.alpha,
+                shapes: &mut scratch.shapes,
+            };
+            let rows_first = (first_row + row, &scratch.first[row * width..=end * width]);
+            dispatch!(self.context.simd(), simd => self.gather(simd, band, rows_first, into))?;
             for row in row..end {
                 self.context.check()?;
                 let pixels = row * width..(row + 1) * width;
@@ -247,7 +244,8 @@ impl ParaviewScene<'_> {
                     alpha: &scratch.alpha,
                 };
                 // VTK stops by what a peel wrote in any pixel of the picture (docs/law/splat.md, "Blending").
-                wrote |= blend_row(&fragments, peels, rest, &mut out[pixels]);
+                let out = &mut out[pixels];
+                wrote |= dispatch!(self.context.simd(), simd => blend_row(simd, &fragments, (peels, rest), out));
             }
             row = end;
         }
@@ -255,18 +253,18 @@ impl ParaviewScene<'_> {
     }
 
     /// Depths and alphas of some rows' fragments, pixel by pixel in particle order. `first` is how
-    /// many fragments stand before each pixel of the rows.
-    fn gather<'s>(
+    /// many fragments stand before each pixel of the rows, which begin with `first_row`.
+    #[inline(always)]
+    fn gather<S: Simd>(
         &self,
-        splats: impl Iterator<Item = &'s NdcSplat>,
-        first_row: usize,
-        first: &[u64],
+        _simd: S,
+        band: &PictureBand<'_>,
+        (first_row, first): (usize, &[u64]),
         into: FragmentGather<'_>,
     ) -> Result<()> {
         let width = self.size.width;
         let rows = first.len() / width;
         let FragmentGather { next, depth, alpha, shapes } = into;
-        let simd = self.context.simd();
         let total = (first[first.len() - 1] - first[0]) as usize;
         next.clear();
         // Fragments of a pixel stay in particle order, in which the rest is blended (docs/law/splat.md, "Blending").
@@ -278,7 +276,7 @@ impl ParaviewScene<'_> {
             }
             column.resize(total, 0.0);
         }
-        for (i, splat) in splats.enumerate() {
+        for (i, splat) in band.splats().enumerate() {
             if i.is_multiple_of(CHECK) {
                 self.context.check()?;
             }
@@ -302,8 +300,8 @@ impl ParaviewScene<'_> {
             }
             let planes = [quad.planes(0), quad.planes(1)];
             for_rows(&quad, first_row, rows, |row, [from, to]| {
-                shapes.resize(shapes.len().max(to - from), 0.0);
-                quad.alphas(simd, &planes, row as i32, [from as i32, to as i32], shapes);
+                shapes.resize(shapes.len().max(to - from + WIDE), 0.0);
+                quad.alphas(&planes, row as i32, [from as i32, to as i32], shapes);
                 (from..to).zip(&*shapes).for_each(|(column, shape)| put(row, column, *shape));
             });
         }
@@ -328,8 +326,10 @@ struct Fragments<'a> {
     alpha: &'a [f32],
 }
 
-/// Levels of a row, and which peels wrote a back layer there.
-fn blend_row(f: &Fragments<'_>, peels: usize, rest: bool, out: &mut [u8]) -> u8 {
+/// Levels of a row, and which peels wrote a back layer there; `peels` is how many are made, and `rest` whether what they
+/// leave is blended.
+#[inline(always)]
+fn blend_row<S: Simd>(_simd: S, f: &Fragments<'_>, (peels, rest): (usize, bool), out: &mut [u8]) -> u8 {
     let mut wrote = 0;
     for (pixel, out) in out.iter_mut().enumerate() {
         let [a, b] = [pixel, pixel + 1].map(|p| (f.first[p] - f.base) as usize);
@@ -343,7 +343,7 @@ fn blend_row(f: &Fragments<'_>, peels: usize, rest: bool, out: &mut [u8]) -> u8 
 }
 
 /// Calls `work` with every covered row of `first..first + rows` and its covered columns.
-#[inline]
+#[inline(always)]
 fn for_rows(quad: &Quad, first: usize, rows: usize, mut work: impl FnMut(usize, [usize; 2])) {
     for row in (quad.rows[0] as usize).max(first)..(quad.rows[1] as usize).min(first + rows) {
         let [from, to] = quad.columns_of(row as i32);

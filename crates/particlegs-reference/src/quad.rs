@@ -2,7 +2,6 @@
 //! llvmpipe rasterises and interpolates (docs/law/splat.md, "Coverage").
 
 use super::project::NdcSplat;
-use fearless_simd::{Level, Simd, dispatch};
 use particlegs_core::picture::Size;
 use particlegs_core::splat::CUT_SIGMA;
 
@@ -77,13 +76,13 @@ const OFFSETS: [[f32; 2]; 4] = [[-CUT, -CUT], [CUT, -CUT], [-CUT, CUT], [CUT, CU
 
 impl Quad {
     /// The quad of a splat, or `None` where it covers no pixel centre.
-    #[inline]
+    #[inline(always)]
     pub fn new(s: &NdcSplat, size: Size) -> Option<Quad> {
         if s.is_aligned() { Self::straight(s, size) } else { Self::turned(s, size) }
     }
 
     /// A splat whose u is along x and v along y: as [`Quad::turned`] finds it, with half the work.
-    #[inline]
+    #[inline(always)]
     fn straight(s: &NdcSplat, size: Size) -> Option<Quad> {
         let (sx, sy) = (0.5 * size.width as f32, 0.5 * size.height as f32);
         let [a, _, _, d] = s.axes;
@@ -153,33 +152,38 @@ impl Quad {
     }
 
     /// The planes of one of the strip's two triangles, below or above the diagonal.
-    #[inline]
+    #[inline(always)]
     pub fn planes(&self, triangle: usize) -> QuadPlanes {
         // The order matters to float32: the first vertex is the one that planes start from.
         self.planes_of(if triangle == 0 { [1, 2, 0] } else { [1, 3, 2] })
     }
 
-    /// Alphas of covered columns of a row, from `columns[0]` on.
-    #[inline]
-    pub fn alphas(&self, level: Level, planes: &[QuadPlanes; 2], row: i32, columns: [i32; 2], out: &mut [f32]) {
+    /// Alphas of covered columns of a row, from `columns[0]` on, into `out`, which is longer by a block of [`WIDE`].
+    #[inline(always)]
+    pub fn alphas(&self, planes: &[QuadPlanes; 2], row: i32, columns: [i32; 2], out: &mut [f32]) {
+        let [a, b] = [self.corner[1], self.corner[2]];
+        // From pixel to pixel the edge between the triangles changes by the same number.
+        let (mut edge, step) = (cross(a, b, [columns[0] << 8, row << 8]), (i64::from(a[1]) - i64::from(b[1])) << 8);
         let mut from = columns[0];
         while from < columns[1] {
-            let triangle = self.triangle(from, row);
+            let is_second = edge <= 0;
             // Along a row the diagonal is crossed once.
-            let mut to = from + 1;
-            while to < columns[1] && self.triangle(to, row) == triangle {
-                to += 1;
+            let mut to = from;
+            while to < columns[1] && (edge <= 0) == is_second {
+                (to, edge) = (to + 1, edge + step);
             }
-            let part = &mut out[(from - columns[0]) as usize..(to - columns[0]) as usize];
-            if part.len() < WIDE {
-                planes[triangle].gaussians(row, from, part);
-            } else {
-                dispatch!(level, simd => gaussians_kernel(simd, &planes[triangle], row, from, part));
+            let planes = &planes[usize::from(is_second)];
+            for start in (from..to).step_by(WIDE) {
+                let at = (start - columns[0]) as usize;
+                // Whole blocks compile to vectors; what is beyond the end is written again, or not read.
+                let block: [f32; WIDE] = std::array::from_fn(|i| planes.gaussian(start + i as i32, row));
+                out[at..at + WIDE].copy_from_slice(&block);
             }
             from = to;
         }
     }
 
+    #[inline(always)]
     fn planes_of(&self, t: [usize; 3]) -> QuadPlanes {
         let v = t.map(|i| self.window[i]);
         let dxy01 = [v[0][0] - v[1][0], v[0][1] - v[1][1]];
@@ -208,27 +212,16 @@ impl Quad {
     }
 }
 
-#[inline]
+#[inline(always)]
 fn cross(a: [i32; 2], b: [i32; 2], c: [i32; 2]) -> i64 {
     let d = |k: usize, p: [i32; 2]| i64::from(p[k]) - i64::from(a[k]);
     d(0, b) * d(1, c) - d(1, b) * d(0, c)
 }
 
-/// Pixels from which on the vector kernel pays.
-const WIDE: usize = 8;
-
-#[inline(always)]
-fn gaussians_kernel<S: Simd>(_simd: S, planes: &QuadPlanes, row: i32, from: i32, out: &mut [f32]) {
-    planes.gaussians(row, from, out);
-}
+/// Pixels whose alphas are computed side by side.
+pub(super) const WIDE: usize = 8;
 
 impl QuadPlanes {
-    /// [`QuadPlanes::gaussian`] at pixels of a row.
-    #[inline(always)]
-    fn gaussians(&self, row: i32, from: i32, out: &mut [f32]) {
-        out.iter_mut().enumerate().for_each(|(i, a)| *a = self.gaussian(from + i as i32, row));
-    }
-
     /// `exp(-(u^2 + v^2)/2)` at a pixel.
     #[inline(always)]
     pub fn gaussian(&self, column: i32, row: i32) -> f32 {

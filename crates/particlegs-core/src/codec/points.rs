@@ -106,7 +106,11 @@ const FIRST_GUESS: f64 = 14.0;
 /// Trials of a number at most; four are usual.
 const TRIALS: usize = 8;
 /// A subset is as large as the bytes where it leaves less than this share of them.
-const CLOSE_ENOUGH: f64 = 1e-3;
+const CLOSE_ENOUGH: f64 = 5e-3;
+/// Of larger numbers a part is coded first, ...
+const LARGE: usize = 1 << 18;
+/// ... one in so many: among all a point takes this number's logarithm less, in bits.
+const PART: usize = 16;
 
 /// A subset as it is asked for.
 #[derive(Clone, Copy, Debug)]
@@ -139,6 +143,11 @@ impl Thinning<'_> {
         let mut best: Option<(usize, CodedPoints)> = None;
         let bytes = self.bytes as f64;
         let mut number = share_of(n, 8.0 * bytes / FIRST_GUESS);
+        if number > LARGE {
+            let coded = self.coded(order.first(number / PART), &place);
+            let bits = 8.0 * coded.bytes as f64 / (number / PART) as f64 - libm::log2(PART as f64);
+            number = share_of(n, 8.0 * bytes / bits.max(1.0));
+        }
         // What is known to be too many.
         let mut upper_bound = n + 1;
         for _ in 0..TRIALS {

@@ -18,15 +18,15 @@ use std::f64::consts::PI;
 /// Particles up to which as many are drawn from the model; of larger snapshots the mixture's own spectrum is measured.
 /// (4.2 million take 560 MiB, 2.1 million 304.)
 pub(super) const MOST_DRAWN: u64 = SAMPLED_ABOVE;
-/// Cells of the spectrum's grid along the longest edge: the power of 2 from twice the particles on
-/// that edge on, within these.
+/// Cells of the spectrum's grid along the longest edge, for as many particles along it as there are on average.
+const CELLS_A_PARTICLE: f64 = 1.5;
 const LEAST_CELLS: usize = 32;
-const MOST_CELLS: usize = 256;
+const MOST_CELLS: usize = 192;
 /// Cells of a grid that resolves the Gaussians, all axes together: 400 MB while particles are added up, 500 in all.
 const LARGEST_GRID: usize = 1 << 25;
-/// Wave numbers go to this share of the grid's Nyquist frequency, where the power that the window folds back is below a
-/// thousandth.
-const SHARE_OF_NYQUIST: f64 = 0.5;
+/// Wave numbers go to this share of the grid's Nyquist frequency. There the nearest image that interlacing leaves is
+/// more than twice as far along two axes, and the window of clouds in cells takes all but 1e-4 of it.
+const SHARE_OF_NYQUIST: f64 = 1.0 / CELLS_A_PARTICLE;
 /// Links as everywhere (`stats`).
 const LINKING: f64 = 0.2;
 const GROUPS_WITHIN: f64 = 0.1;
@@ -66,15 +66,12 @@ pub(super) fn linking(domain: &Domain, spacing: f64) -> Option<GroupFinder<'_>> 
 /// The spectrum's grid and largest wave number for `n` particles.
 pub fn spectrum_options(domain: &Domain, n: usize) -> SpectrumOptions {
     let spacing = domain.spacing(n);
-    // One cell more by rounding would double the grid, whose edge is a power of two.
-    let wanted_cells = (2.0 * domain.longest() / spacing * (1.0 - 1e-9)).ceil().min(MOST_CELLS as f64);
-    let cells = (wanted_cells as usize).next_power_of_two().clamp(LEAST_CELLS, MOST_CELLS);
+    let wanted_cells = (CELLS_A_PARTICLE * domain.longest() / spacing * (1.0 - 1e-9)).ceil().min(MOST_CELLS as f64);
+    let cells = (wanted_cells.max(LEAST_CELLS as f64) as usize..=MOST_CELLS).find(is_smooth).unwrap_or(MOST_CELLS);
     let nyquist = PI * cells as f64 / domain.longest();
     SpectrumOptions {
         cells,
-        // Up to half of Nyquist, interlaced, the wider cloud changes nothing that a tenth of a per cent
-        // shows, and takes three times as long where there are many particles.
-        assignment: if n as u64 > MOST_DRAWN { Assignment::Cic } else { Assignment::Tsc },
+        assignment: Assignment::Cic,
         interlaced: true,
         deconvolved: true,
         shot_noise_subtracted: true,
@@ -135,13 +132,14 @@ fn resolving(domain: &Domain, [particles, gaussians]: [usize; 2]) -> usize {
     let cells = |n: usize| domain.longest() / (SHARE_OF_NYQUIST * domain.spacing(n));
     let wanted_cells =
         (cells(gaussians).min(cells(particles)) * (1.0 - 1e-9)).ceil().clamp(1.0, f64::from(u16::MAX)) as usize;
-    // Numbers that transforms divide well.
-    let good = |n: &usize| {
-        [2, 3, 5].into_iter().fold(*n, |n, p| (0..16).fold(n, |n, _| if n % p == 0 { n / p } else { n })) == 1
-    };
     let fits = |n: &usize| Grid::new(domain, *n).len() <= LARGEST_GRID;
-    let from_above = (wanted_cells..2 * wanted_cells).filter(good).find(fits);
-    from_above.or_else(|| (LEAST_CELLS..wanted_cells).rev().filter(good).find(fits)).unwrap_or(LEAST_CELLS)
+    let from_above = (wanted_cells..2 * wanted_cells).filter(is_smooth).find(fits);
+    from_above.or_else(|| (LEAST_CELLS..wanted_cells).rev().filter(is_smooth).find(fits)).unwrap_or(LEAST_CELLS)
+}
+
+/// Whether a number has the factors 2, 3 and 5 alone, which transforms divide well.
+fn is_smooth(n: &usize) -> bool {
+    [2, 3, 5].into_iter().fold(*n, |n, p| (0..16).fold(n, |n, _| if n % p == 0 { n / p } else { n })) == 1
 }
 
 /// Limits that spectra give, groups apart.
@@ -180,8 +178,8 @@ mod tests {
     fn large_grids_resolve_the_gaussians_and_stay_in_memory() {
         let slab = Domain::upright([0.0; 3], [100.0, 400.0, 400.0], [true; 3]);
         let cube = Domain { length: [400.0; 3], ..slab };
-        // 2.7 million Gaussians of 268 million particles: pi over a spacing of 1.81 wants 442 cells.
-        assert_eq!(resolving(&slab, [1 << 28, 2_700_000]), 450);
+        // 2.7 million Gaussians of 268 million particles: pi over a spacing of 1.81 wants 332 cells.
+        assert_eq!(resolving(&slab, [1 << 28, 2_700_000]), 360);
         assert_eq!(resolving(&cube, [1 << 33, 1 << 24]), 320);
         assert_eq!(resolving(&cube, [1 << 24, 1 << 26]), 320);
         assert!(resolving(&cube, [1 << 24, 1]) < 16);
@@ -195,12 +193,13 @@ mod tests {
             (o.cells, o.k_max)
         };
         let (cells, k) = options_of(&cube, 128 * 128 * 128);
-        assert!(cells == 256 && (k - PI * 128.0 / 50.0).abs() < 1e-9, "{cells} {k}");
-        assert_eq!(options_of(&cube, 64 * 64 * 64).0, 128);
+        assert!(cells == 192 && (k - PI * 128.0 / 50.0).abs() < 1e-9, "{cells} {k}");
+        assert_eq!(options_of(&cube, 64 * 64 * 64).0, 96);
         assert_eq!(options_of(&cube, 2).0, LEAST_CELLS);
-        // More particles than the grid resolves: half its Nyquist frequency.
-        assert_eq!(options_of(&cube, usize::MAX), (256, PI * 128.0 / 50.0));
+        // More particles than the grid resolves: two thirds of its Nyquist frequency.
+        let (cells, k) = options_of(&cube, usize::MAX);
+        assert!(cells == 192 && (k - PI * 128.0 / 50.0).abs() < 1e-9, "{cells} {k}");
         let needle = Domain::upright([0.0; 3], [1e6, 1.0, 1.0], [false; 3]);
-        assert_eq!(options_of(&needle, 1000).0, 256);
+        assert_eq!(options_of(&needle, 1000).0, 192);
     }
 }

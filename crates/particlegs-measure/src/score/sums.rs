@@ -11,7 +11,7 @@ use super::evaluate::clipped;
 use super::field_sums::{FieldCellTable, FieldCells, add_field_section};
 use super::science::{file_holds, science_metrics, spectrum_options};
 use super::views::{SIZE, certificate_views, view_metrics};
-use crate::stats::{Assignment, Field, Grid, SpectrumOptions, Subject, deposit, spectra_of};
+use crate::stats::{Assignment, Field, Grid, SpectrumOptions, Subject, deposit_for_modes, scheme_of, spectra_of};
 use particlegs_core::camera::View;
 use particlegs_core::context::Context;
 use particlegs_core::model::{
@@ -104,7 +104,7 @@ impl MeasurementFrame {
             density: DensityGrid::new(&metadata.bounds, metadata.cell.as_ref(), GRID),
             cells: finest(&domain, count),
             // Parts do not know how many Gaussians there are of all.
-            spectrum: SpectrumOptions { assignment: Assignment::Cic, ..spectrum_options(&domain, count) },
+            spectrum: spectrum_options(&domain, count),
             fields: FieldCells::new(metadata, seed),
             metadata: metadata.clone(),
         }
@@ -142,11 +142,14 @@ impl MeasurementFrame {
             SumsSection::Weights => part.weights().into_iter().flat_map(f64::to_le_bytes).collect(),
             SumsSection::Density(side) => rows(&part.density(side)?, width),
             SumsSection::Cells(side) => match &self.cells {
-                Some(grid) => rows(&part.field(side, grid, Assignment::Ngp, 0.0)?, width),
+                Some(grid) => rows(&part.field(side, grid, Some(Assignment::Ngp), 0.0)?, width),
                 None => Vec::new(),
             },
+            // A mixture's spectrum needs no second field below two thirds of the Nyquist frequency.
+            SumsSection::Spectrum(1, 1) => Vec::new(),
             SumsSection::Spectrum(side, moved) => {
-                rows(&part.field(side, &self.spectrum_grid(), self.spectrum.assignment, 0.5 * moved as f64)?, width)
+                let scheme = scheme_of(side == 0, &self.spectrum);
+                rows(&part.field(side, &self.spectrum_grid(), scheme, 0.5 * moved as f64)?, width)
             }
             SumsSection::View(side, view) => rows(&part.optical_depth(side, &self.views[view])?, width),
             SumsSection::Field(_) => Vec::new(),
@@ -191,8 +194,8 @@ impl PartWithModel<'_> {
         Ok(sum.into_iter().map(|v| v as f32).collect())
     }
 
-    fn field(&self, side: usize, grid: &Grid, scheme: Assignment, shift: f64) -> Result<Vec<f32>> {
-        let masses_of = |subject| deposit(subject, grid, scheme, shift, self.context).map(|f: Field| f.mass);
+    fn field(&self, side: usize, grid: &Grid, scheme: Option<Assignment>, shift: f64) -> Result<Vec<f32>> {
+        let masses_of = |subject| deposit_for_modes(subject, grid, scheme, shift, self.context).map(|f: Field| f.mass);
         if side == 1 {
             return masses_of(Subject::Model(self.model));
         }

@@ -6,7 +6,7 @@
 use super::gaussian::{DepositScratch, Slab};
 use super::{Assignment, Grid, Subject};
 use particlegs_core::context::Context;
-use particlegs_core::math::each_axis;
+use particlegs_core::math::{Sym3, each_axis};
 use particlegs_core::model::Mixture;
 use particlegs_core::{Result, parallel};
 use particlegs_particles::{ChunkBuffer, Particles, RUN};
@@ -20,6 +20,11 @@ const MODEL_SLABS: usize = 32;
 const MODEL_PLANES: usize = 8;
 /// The same for particles.
 const SLABS: usize = 128;
+
+/// Deviation, in the longest edges of cells, by which a Gaussian is widened for a spectrum: the grid then resolves it, and
+/// the window of its modes is a Gaussian that takes all but 1e-4 of the power of the images below two thirds of the
+/// grid's Nyquist frequency.
+pub(super) const WIDENED: f64 = 0.8;
 
 /// Mass in each cell of a grid, as f32 (the grid is the largest thing that statistics hold).
 #[derive(Clone, Debug)]
@@ -54,14 +59,29 @@ pub fn deposit(
     shift: f64,
     context: &Context<'_>,
 ) -> Result<Field> {
-    deposit_again(subject, Field { grid: *grid, mass: Vec::new(), outside: 0.0 }, scheme, shift, context)
+    deposit_again(subject, empty_field(grid), Some(scheme), shift, context)
 }
 
-/// [`deposit`] on the grid of a field that is no longer wanted, in its memory.
+/// [`deposit`] for a spectrum: without a `scheme` for particles, Gaussians are widened by [`WIDENED`].
+pub(crate) fn deposit_for_modes(
+    subject: Subject<'_>,
+    grid: &Grid,
+    scheme: Option<Assignment>,
+    shift: f64,
+    context: &Context<'_>,
+) -> Result<Field> {
+    deposit_again(subject, empty_field(grid), scheme, shift, context)
+}
+
+fn empty_field(grid: &Grid) -> Field {
+    Field { grid: *grid, mass: Vec::new(), outside: 0.0 }
+}
+
+/// [`deposit_for_modes`] on the grid of a field that is no longer wanted, in its memory.
 pub(super) fn deposit_again(
     subject: Subject<'_>,
     mut field: Field,
-    scheme: Assignment,
+    scheme: Option<Assignment>,
     shift: f64,
     context: &Context<'_>,
 ) -> Result<Field> {
@@ -73,11 +93,12 @@ pub(super) fn deposit_again(
         _ => field.mass.fill(0.0),
     }
     match subject {
-        Subject::Particles(p) => add_particles(&mut field, p, scheme, shift, context)?,
+        Subject::Particles(p) => add_particles(&mut field, p, scheme.unwrap_or(Assignment::Cic), shift, context)?,
         Subject::Model(m) => {
+            let widened = if scheme.is_none() { WIDENED * field.grid.coarsest() } else { 0.0 };
             for layer in &m.layers {
                 let parts: Vec<&Mixture> = layer.content.iter().map(|b| &b.gaussians).collect();
-                add_mixtures(&mut field, &parts, layer.mass.unit_or_one(), shift, context)?;
+                add_mixtures(&mut field, &parts, (layer.mass.unit_or_one(), widened), shift, context)?;
             }
         }
     }
@@ -256,10 +277,11 @@ fn add_record(grid: &Grid, (u, weight): &CellRecord, scheme: Assignment, planes:
     }
 }
 
+/// Adds Gaussians, each mass times `unit_mass`, `widened` by a deviation in world units.
 fn add_mixtures(
     field: &mut Field,
     parts: &[&Mixture],
-    unit_mass: f64,
+    (unit_mass, widened): (f64, f64),
     shift: f64,
     context: &Context<'_>,
 ) -> Result<()> {
@@ -279,6 +301,7 @@ fn add_mixtures(
                     context.advance((m.len() - i).min(8) as u64);
                 }
                 let (mean, cov) = grid.upright(m.mean_of(i), m.cov_of(i));
+                let cov = cov.add(&Sym3::scaled_identity(widened * widened));
                 if slab.may_hold(mean, &cov) {
                     splat.add(&mut slab, mean, &cov, unit_mass * m.mass_of(i));
                 }
@@ -300,7 +323,6 @@ fn add_mixtures(
 mod tests {
     use super::*;
     use particlegs_core::context::Context;
-    use particlegs_core::math::{Sym3, each_axis};
     use particlegs_particles::testing::{on_threads, poisson};
     use particlegs_particles::{Column, Domain};
 
@@ -382,7 +404,7 @@ mod tests {
         m.push([2.9, 0.6, 6.6], Sym3::scaled_identity(1e-6), 50.0, 50.0);
         let grid = Grid::new(&domain([3.0, 10.0, 7.0], true), 40);
         let mut field = Field { grid, mass: vec![0.0; grid.len()], outside: 0.0 };
-        add_mixtures(&mut field, &[&m], 2.0, 0.0, &Context::SILENT).unwrap();
+        add_mixtures(&mut field, &[&m], (2.0, 0.0), 0.0, &Context::SILENT).unwrap();
         assert!((field.mass.iter().map(|v| f64::from(*v)).sum::<f64>() - 300.0).abs() < 1e-3);
         assert!((field.mass[grid.index([11, 2, 26])] - 100.0).abs() < 0.5);
         let mut whole = vec![0.0; grid.len()];

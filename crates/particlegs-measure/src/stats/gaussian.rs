@@ -6,7 +6,7 @@
 //! grid resolves the Gaussian, the density at the cells' centres is closer and faster (`resolved`).
 
 use super::Grid;
-use super::resolved::ResolvedGaussian;
+use super::resolved::{LANES, ResolvedGaussian};
 use particlegs_core::math::{Eigen, Sym3, each_axis, normal_share};
 use std::ops::Range;
 
@@ -147,6 +147,12 @@ pub(crate) trait CellQuantity {
     /// As a round part of the Gaussian has it, `from_mean` from the mean and of this deviation.
     fn part(&self, from_mean: [f64; 3], deviation: f64) -> Self;
     fn add(&self, sum: &mut Self::Sum, mass: f64, from_mean: [f64; 3]);
+
+    /// Adds parts of one cell, one behind the other along z, the first of them `from_mean` from the mean.
+    #[inline(always)]
+    fn add_parts(&self, sum: &mut Self::Sum, masses: [f64; LANES], [x, y, z]: [f64; 3]) {
+        masses.iter().enumerate().for_each(|(lane, mass)| self.add(sum, *mass, [x, y, z + lane as f64]));
+    }
 }
 
 impl CellQuantity for () {
@@ -160,6 +166,11 @@ impl CellQuantity for () {
     #[inline(always)]
     fn add(&self, sum: &mut f64, mass: f64, _: [f64; 3]) {
         *sum += mass;
+    }
+
+    #[inline(always)]
+    fn add_parts(&self, sum: &mut f64, [a, b, c, d]: [f64; LANES], _: [f64; 3]) {
+        *sum += (a + b) + (c + d);
     }
 }
 

@@ -45,21 +45,22 @@ impl Assignment {
         }
     }
 
-    /// The first cell and the weights of coordinate `u` in cells (cell i spans i to i + 1).
+    /// The first cell and the weights of coordinate `u` in cells, 0 or more (cell i spans i to i + 1).
     #[inline]
     pub(super) fn weights(self, u: f64) -> (i64, [f64; 3]) {
+        // Of what is not negative, a conversion is the floor, and quicker.
         match self {
-            Assignment::Ngp => (u.floor() as i64, [1.0, 0.0, 0.0]),
+            Assignment::Ngp => (u as i64, [1.0, 0.0, 0.0]),
             Assignment::Cic => {
-                let first = (u - 0.5).floor();
-                let f = u - 0.5 - first;
-                (first as i64, [1.0 - f, f, 0.0])
+                let after = (u + 0.5) as i64;
+                let f = u + 0.5 - after as f64;
+                (after - 1, [1.0 - f, f, 0.0])
             }
             Assignment::Tsc => {
-                let nearest = u.floor();
-                let d = u - nearest - 0.5;
+                let nearest = u as i64;
+                let d = u - nearest as f64 - 0.5;
                 let (low, high) = (0.5 - d, 0.5 + d);
-                (nearest as i64 - 1, [0.5 * low * low, 0.75 - d * d, 0.5 * high * high])
+                (nearest - 1, [0.5 * low * low, 0.75 - d * d, 0.5 * high * high])
             }
         }
     }
@@ -91,6 +92,11 @@ impl Grid {
             periodic: domain.periodic,
             tilt: domain.tilt,
         }
+    }
+
+    /// The longest edge of a cell, world units.
+    pub(crate) fn coarsest(&self) -> f64 {
+        self.side[0].max(self.side[1]).max(self.side[2])
     }
 
     /// A place as lengths along the edges from the lowest corner.

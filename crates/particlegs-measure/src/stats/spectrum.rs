@@ -7,10 +7,10 @@
 
 use super::comparison_job::ComparisonJob;
 use super::density::mean_mass;
-use super::deposit::deposit_again;
+use super::deposit::{WIDENED, deposit_again, deposit_for_modes};
 use super::presentation::*;
 use super::transform::{Modes, XiByTransform, transform, transform_bytes, xi_of_modes};
-use super::{Assignment, Convention, Domain, Field, Grid, Subject, deposit, deposit_bytes, deposit_steps};
+use super::{Assignment, Convention, Domain, Field, Grid, Subject, deposit_bytes, deposit_steps};
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
 use particlegs_core::model::decimals;
@@ -78,19 +78,28 @@ pub(super) fn modes_of(
     o: &SpectrumOptions,
     context: &Context<'_>,
 ) -> Result<Modes> {
-    let scheme = if subject.particles().is_some() { o.assignment } else { Assignment::Ngp };
+    let scheme = scheme_of(subject.particles().is_some(), o);
     let field = |moved: usize, spare: Option<Field>| match spare {
         Some(field) => deposit_again(subject, field, scheme, 0.5 * moved as f64, context),
-        None => deposit(subject, grid, scheme, 0.5 * moved as f64, context),
+        None => deposit_for_modes(subject, grid, scheme, 0.5 * moved as f64, context),
     };
     modes_of_fields(&field, (scheme, mean), most, o, context)
+}
+
+/// How mass is shared among cells for a spectrum. A mixture's Gaussians are widened (`None`), unless the window stays in:
+/// then their integrals over cells are taken.
+pub(crate) fn scheme_of(of_particles: bool, o: &SpectrumOptions) -> Option<Assignment> {
+    match of_particles {
+        true => Some(o.assignment),
+        false => (!o.deconvolved).then_some(Assignment::Ngp),
+    }
 }
 
 /// The same of the fields that `field` gives: as it is (0) and moved by half a cell (1), which may take the first one's
 /// memory.
 fn modes_of_fields(
     field: &dyn Fn(usize, Option<Field>) -> Result<Field>,
-    (scheme, mean): (Assignment, Option<f64>),
+    (scheme, mean): (Option<Assignment>, Option<f64>),
     most: [usize; 3],
     o: &SpectrumOptions,
     context: &Context<'_>,
@@ -100,13 +109,24 @@ fn modes_of_fields(
     let modes_of = |f: &Field| transform(f, mean.unwrap_or_else(|| mean_mass(f)), most, context);
     let mut modes = modes_of(&first)?;
     // The first field is transformed already: the moved one takes its memory.
-    let second = if o.interlaced { Some(modes_of(&field(1, Some(first))?)?) } else { None };
+    let is_interlaced = o.interlaced && (scheme.is_some() || o.k_max * grid.coarsest() > WITHOUT_IMAGES * PI);
+    let second = if is_interlaced { Some(modes_of(&field(1, Some(first))?)?) } else { None };
     let (columns, depth) = modes.plane();
     let n = grid.cells.map(|n| n as f64);
     let window: [Vec<f64>; 3] = each_axis(|k| {
-        // The window of a scheme is a power of sinc on each axis; to the power 0 it leaves the modes as they are.
-        let power = if o.deconvolved { scheme.order() as i32 } else { 0 };
-        (0..=most[k]).map(|m| sinc(PI * m as f64 / n[k]).powi(power)).collect()
+        let waves = (0..=most[k]).map(|m| PI * m as f64 / n[k]);
+        match scheme {
+            // The window of a scheme is a power of sinc on each axis; to the power 0 it leaves the modes as they are.
+            Some(scheme) => {
+                let power = if o.deconvolved { scheme.order() as i32 } else { 0 };
+                waves.map(|x| sinc(x).powi(power)).collect()
+            }
+            None => {
+                // A density at the centres of cells stands for their integrals, which are wider by 1/12.
+                let deviation = WIDENED * grid.coarsest() / grid.side[k];
+                waves.map(|x| libm::exp(-2.0 * x * x * (deviation * deviation + 1.0 / 12.0))).collect()
+            }
+        }
     });
     parallel::for_each_chunk(&mut modes.value, columns * depth, |i, plane| {
         let mx = i as i64 - most[0] as i64;
@@ -123,6 +143,9 @@ fn modes_of_fields(
     });
     Ok(modes)
 }
+
+/// Share of the Nyquist frequency up to which a mixture's modes have no images to be cancelled ([`WIDENED`]).
+const WITHOUT_IMAGES: f64 = 0.7;
 
 fn sinc(x: f64) -> f64 {
     if x == 0.0 { 1.0 } else { libm::sin(x) / x }
@@ -376,8 +399,7 @@ pub(crate) fn spectra_of(
     let grid = Grid::new(domain, o.cells);
     let most = mode_limits(&grid, domain, o.k_max);
     let modes = |side: usize| {
-        let scheme = if side == 0 { o.assignment } else { Assignment::Ngp };
-        modes_of_fields(&|moved, _| field(side, moved), (scheme, None), most, o, context)
+        modes_of_fields(&|moved, _| field(side, moved), (scheme_of(side == 0, o), None), most, o, context)
     };
     spectra(&TransformPair { modes: [modes(0)?, modes(1)?], shot_noise: [noise, 0.0], grid }, domain, o, context)
 }
