@@ -140,8 +140,7 @@ impl FieldPlane {
             return Ok(FieldPlane { values, shade: None, scale, without });
         }
         let map = field_map(&scene, &query, &request.density_view(scene.bounds())?, request.size, &Context::SILENT)?;
-        let values = map.wanted(&query).clone();
-        Ok(FieldPlane { values, shade: field.shade.then_some(map.density), scale, without })
+        Ok(FieldPlane { values: map.values, shade: field.shade.then_some(map.density), scale, without })
     }
 
     /// The range of the values, if they have one.
