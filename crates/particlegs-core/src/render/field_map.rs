@@ -248,8 +248,12 @@ fn drawn(
     })?;
     let rows = canvas.finish(&FIELD_W, context);
     let plane = |k: usize| {
-        let row = |j: usize| &rows.data[j * rows.stride + k * (rows.stride / sums.planes())..][..size.width];
-        Plane { size, data: (0..size.height).flat_map(row).copied().collect() }
+        let mut plane = Plane::zeros(size);
+        parallel::for_each_chunk(&mut plane.data, size.width, |j, row| {
+            let start = j * rows.stride + k * (rows.stride / sums.planes());
+            row.copy_from_slice(&rows.data[start..start + size.width]);
+        });
+        plane
     };
     Ok((0..sums.planes()).map(plane).collect())
 }

@@ -188,7 +188,7 @@ impl FieldStroke {
         [x, y]: [f32x8<S>; 2],
         sums: &FieldSums,
     ) -> [f32x8<S>; N] {
-        let value = (x * self.tilt[0] + y * self.tilt[1]) + self.value;
+        let value = x * self.tilt[0] + (y * self.tilt[1] + self.value);
         let mut terms = [weight; N];
         let Some(slab) = &self.slab else {
             match sums.kind {
@@ -272,11 +272,11 @@ fn density<S: Simd>(z: f32x8<S>) -> f32x8<S> {
 fn mills<S: Simd>(z: f32x8<S>) -> f32x8<S> {
     let one = z * 0.0 + 1.0;
     let t = one / (z * 0.36 + 1.0);
-    let p = t * 0.120_172_96 - 0.458_198_61;
+    let p = t * 0.120_172_96 - 0.458_198_6;
     let p = p * t + 0.463_929_37;
     let p = p * t + 0.059_408_02;
     let p = p * t + 0.352_844_53;
-    let p = p * t + 0.354_888_89;
+    let p = p * t + 0.354_888_9;
     (p * t + 0.360_269_76) * t
 }
 

@@ -176,7 +176,7 @@ pub const W: [f32; 8] =
 
 /// The same for [`SHARPEST_FIELD`]: good to 2e-4 of the peak, and to 1e-3 of the value where it is a hundredth of that.
 pub const FIELD_W: [f32; 8] =
-    [-0.002_273_54, 0.021_152_25, -0.107_940_9, 0.865_475_57, 0.281_749_33, -0.072_014_57, 0.015_585_07, -0.001_733_2];
+    [-0.002_273_54, 0.021_152_25, -0.107_940_9, 0.865_475_6, 0.281_749_33, -0.072_014_57, 0.015_585_07, -0.001_733_2];
 
 /// The eight coarse rows (with pad) around fine row `row` (with pad).
 #[inline(always)]
