@@ -649,6 +649,22 @@ mod tests {
     }
 
     #[test]
+    fn threads_and_vectors_do_not_change_a_bit() {
+        let (m, bounds) = (model(), Bounds { min: [-5.0; 3], max: [5.0; 3] });
+        let flat = view(Projection::Orthographic { height_world: 4.0 }, [8.7, 9.4]);
+        let weighed = FieldQuery { by: Some("metals".into()), ..query("scalar", MapComponent::Scalar) };
+        for q in [query("heat", MapComponent::Scalar), query("velocity", MapComponent::LineOfSight), weighed] {
+            let map = |context: &Context<'_>| -> Vec<u64> {
+                let map = field_map(&Scene::from_mixture(&m, bounds), &q, &flat, SIZE, context).unwrap();
+                map.values.data.iter().map(|v| v.to_bits()).collect()
+            };
+            let all = map(&Context::SILENT);
+            assert!(all == parallel::with_threads(1, || map(&Context::SILENT)).unwrap(), "{}", q.name);
+            assert!(all == map(&Context::scalar()), "{}", q.name);
+        }
+    }
+
+    #[test]
     fn tails_are_empty_and_no_dispersion_exceeds_half_the_range() {
         let mut m = Mixture::new(false);
         let mut field = FieldMoments { range: vec![[0.0, 1.0]], ..FieldMoments::new(1) };

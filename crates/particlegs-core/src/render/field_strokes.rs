@@ -300,3 +300,31 @@ impl FieldFootprint {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Against the plain f64 moments, in units of the largest; also where the ends are close, far or infinite.
+    #[test]
+    fn moments_between_two_ends_are_the_plain_ones() {
+        let infinite = f64::INFINITY;
+        for ends in
+            [[-1.0, 2.0], [0.5, 3.0], [-4.0, -1.5], [-infinite, 0.3], [0.2, infinite], [0.7, 0.75], [-2.0, -1.91]]
+        {
+            let cut = DepthCut { mean: 0.0, tilt: [0.0; 2], deviation: 1.0, range: ends, slope: 0.0 };
+            let slab = SlabStroke { ends: ends.map(|e| e as f32), tilt: [0.0; 2], slope: 0.0 };
+            for step in -12..=12 {
+                let moved = f64::from(step) * 0.25;
+                let [share, shift, change, _] = cut.moments([0.0; 2], -moved);
+                let wanted = [share, share * shift, share * (change + shift * shift)];
+                let found = fearless_simd::dispatch!(SimdLevel::new(), simd => {
+                    slab.moments(simd, f32x8::splat(simd, moved as f32)).map(|m| f64::from(m[0]))
+                });
+                let largest = wanted.iter().fold(1e-7, |l: f64, w| l.max(w.abs()));
+                let worst = wanted.iter().zip(found).map(|(w, f)| (w - f).abs() / largest).fold(0.0, f64::max);
+                assert!(worst < 2e-4, "{ends:?} moved by {moved}: {wanted:?} {found:?}");
+            }
+        }
+    }
+}
