@@ -117,8 +117,7 @@ impl FieldChoice {
 
     /// The content of a view that shows a map.
     pub fn content(&self, map: FieldMap) -> ViewContent {
-        let values = map.wanted(&self.query).clone();
-        ViewContent::Field(values, self.shade.then_some(map.density))
+        ViewContent::Field(map.values, self.shade.then_some(map.density))
     }
 }
 

@@ -21,9 +21,9 @@ pub struct FieldValues {
 }
 
 impl Reference<'_> {
-    /// Mean and dispersion of a field at every pixel, weighted by the particles' masses (numbers without masses) as
-    /// [`Reference::surface_density`] spreads them; NaN where there is no particle that has it. Where the dispersion of a
-    /// logarithmic field is asked for, both are of decimal logarithms.
+    /// Mean or dispersion of a field at every pixel, weighted by the particles' masses (numbers without masses) as
+    /// [`Reference::surface_density`] spreads them; NaN where there is no particle that has it. The dispersion of a
+    /// logarithmic field is that of decimal logarithms.
     pub fn field_map(
         &self,
         values: &FieldValues,
@@ -74,19 +74,22 @@ impl Reference<'_> {
             self.weighted(&weighted).surface_density(view, size, context)
         };
         let density = weigh(&|_| 1.0, &by)?;
-        let (first, second) = (weigh(&|v| v, &by)?, weigh(&|v| v * v, &by)?);
-        let empty = || Plane { size, data: vec![f64::NAN; density.data.len()] };
-        let (mut means, mut dispersions) = (empty(), empty());
+        let first = weigh(&|v| v, &by)?;
+        let second = if query.dispersion { Some(weigh(&|v| v * v, &by)?) } else { None };
+        let mut map = Plane { size, data: vec![f64::NAN; density.data.len()] };
         for (i, w) in density.data.iter().map(|w| f64::from(*w)).enumerate().filter(|(_, w)| *w > 0.0) {
             let off = f64::from(first.data[i]) / w;
-            // Rounding of the planes may leave a difference below zero.
-            dispersions.data[i] = (f64::from(second.data[i]) / w - off * off).max(0.0).sqrt() / scale;
             let value = mean + off / scale;
-            means.data[i] = if query.per_area { w * value } else { value };
+            map.data[i] = match &second {
+                // Rounding of the planes may leave a difference below zero.
+                Some(second) => (f64::from(second.data[i]) / w - off * off).max(0.0).sqrt() / scale,
+                None if query.per_area => w * value,
+                None => value,
+            };
         }
         // Beside the map stands the mass alone, without the field that weighs.
         let density = if values.by.is_some() { weigh(&|_| 1.0, &|_| 1.0)? } else { density };
-        Ok(FieldMap { mean: means, dispersion: dispersions, density })
+        Ok(FieldMap { values: map, density })
     }
 }
 
@@ -130,23 +133,19 @@ mod tests {
         let window = Window { center: [0.5; 3], angles_deg: [0.0; 2], width: 1.0, depth: None };
         let size = Size { width: 4, height: 4 };
         let view = DensityView::orthographic("a", &window, size, &p.bounds(), None).unwrap();
-        let map = Reference::new(&p).field_map(&values, &query, &view, size, &Context::SILENT).unwrap();
-        let lit: Vec<(f64, f64)> = map
-            .mean
-            .data
-            .iter()
-            .zip(&map.dispersion.data)
-            .filter(|(m, _)| m.is_finite())
-            .map(|(m, d)| (*m, *d))
-            .collect();
+        let lit = |values: &FieldValues, dispersion: bool| -> Vec<f64> {
+            let query = FieldQuery { dispersion, ..query.clone() };
+            let map = Reference::new(&p).field_map(values, &query, &view, size, &Context::SILENT).unwrap();
+            map.values.data.into_iter().filter(|v| v.is_finite()).collect()
+        };
+        let (means, dispersions) = (lit(&values, false), lit(&values, true));
         // (10 + 3 20) / 4, and the root of 3/16 100.
-        assert_eq!(lit.len(), 2);
-        assert!((lit[0].0 - 17.5).abs() < 1e-4 && (lit[0].1 - 18.75f64.sqrt()).abs() < 1e-3, "{lit:?}");
-        assert!((lit[1].0 + 7.0).abs() < 1e-5 && lit[1].1 < 1e-2, "{lit:?}");
+        assert_eq!((means.len(), dispersions.len()), (2, 2));
+        assert!((means[0] - 17.5).abs() < 1e-4 && (dispersions[0] - 18.75f64.sqrt()).abs() < 1e-3, "{means:?}");
+        assert!((means[1] + 7.0).abs() < 1e-5 && dispersions[1] < 1e-2, "{dispersions:?}");
         // Another field that weighs: (3 10 + 3 20) / 6.
         let weighed = FieldValues { by: Some(vec![3.0, 1.0, 1.0, f64::NAN]), ..values };
-        let map = Reference::new(&p).field_map(&weighed, &query, &view, size, &Context::SILENT).unwrap();
-        let lit: Vec<f64> = map.mean.data.iter().copied().filter(|m| m.is_finite()).collect();
+        let lit = lit(&weighed, false);
         assert!(lit.len() == 1 && (lit[0] - 15.0).abs() < 1e-4, "{lit:?}");
         let negative = FieldValues { by: Some(vec![-1.0; 4]), ..weighed };
         assert!(Reference::new(&p).field_map(&negative, &query, &view, size, &Context::SILENT).is_err());

@@ -2,7 +2,8 @@
 
 use crate::clip::clipped;
 use crate::coarse::{coarse, joined, run};
-use crate::question::SceneRequest;
+use crate::picture::FieldFacts;
+use crate::question::{FieldRequest, SceneRequest};
 use particlegs_core::camera::Extent;
 use particlegs_core::codec::{Decoder, SeriesDecoder};
 use particlegs_core::context::Context;
@@ -29,6 +30,8 @@ struct CompleteModel {
     full: ClippedModel,
     coarse: Option<ClippedModel>,
     extent: Option<Extent>,
+    /// Of the last field and layers that were asked for.
+    facts: Option<(FieldRequest, Option<Vec<bool>>, FieldFacts)>,
 }
 
 /// A partly decoded model.
@@ -129,6 +132,20 @@ impl LoadedModel {
         Ok(*extent.get_or_insert_with(|| Extent { periodic: [false; 3], ..whole_extent() }))
     }
 
+    /// What all pictures of a field have in common; found once for the same field and layers.
+    pub(crate) fn field_facts(&mut self, request: &SceneRequest, field: &FieldRequest) -> Result<FieldFacts> {
+        let CompleteModel { full, facts, .. } = self.whole()?;
+        if let Some((last_field, layers, found)) = facts
+            && last_field == field
+            && *layers == request.layers
+        {
+            return Ok(found.clone());
+        }
+        let found = FieldFacts::new(&full.model, request, field)?;
+        *facts = Some((field.clone(), request.layers.clone(), found.clone()));
+        Ok(found)
+    }
+
     fn whole(&mut self) -> Result<&mut CompleteModel> {
         if let Some(PartialModel { decoder, .. }) = self.opening.take() {
             self.whole = decoder.finish().map(CompleteModel::new).map_err(|e| e.to_string());
@@ -139,7 +156,8 @@ impl LoadedModel {
 
 impl CompleteModel {
     fn new(model: Model) -> Self {
-        CompleteModel { coarse: coarse(&model).map(ClippedModel::new), full: ClippedModel::new(model), extent: None }
+        let coarse = coarse(&model).map(ClippedModel::new);
+        CompleteModel { coarse, full: ClippedModel::new(model), extent: None, facts: None }
     }
 }
 

@@ -96,9 +96,31 @@ impl PlaneRenderer {
     }
 }
 
-/// Models of more Gaussians are mapped in motion by joined ones. Of fewer, pairs would be joined to lines that show beside
-/// the mass, and no faster.
-const MOST: usize = 250_000;
+/// What all pictures of a field have in common, from any side.
+#[derive(Clone)]
+pub(crate) struct FieldFacts {
+    query: FieldQuery,
+    scale: ValueScale,
+    /// Titles of the drawn layers that have no values of the field.
+    without: Vec<String>,
+}
+
+impl FieldFacts {
+    /// Of the drawn layers of a whole model.
+    pub(crate) fn new(whole: &Model, request: &SceneRequest, field: &FieldRequest) -> Result<FieldFacts> {
+        let mut query = FieldQuery::new(&field.name, &whole.metadata.fields)?;
+        let layers =
+            || whole.layers.iter().enumerate().filter(|(place, _)| request.shows(*place)).map(|(_, layer)| layer);
+        if field.bulk && query.component != MapComponent::Scalar {
+            query.bulk = mean_vector(layers(), &query.name);
+        }
+        let chosen = ValueScale::from_name(&field.scale).ok();
+        let scale = chosen.unwrap_or_else(|| query.scale(|| first_means(layers(), &query.name)));
+        let without = layers().filter(|l| l.content.iter().all(|b| b.gaussians.fields.get(&query.name).is_none()));
+        let without = without.map(|l| species_title(&l.name)).collect();
+        Ok(FieldFacts { query, scale, without })
+    }
+}
 
 /// A map of a field.
 pub(crate) struct FieldPlane {
@@ -106,7 +128,6 @@ pub(crate) struct FieldPlane {
     pub values: Plane<f64>,
     pub shade: Option<Plane>,
     pub scale: ValueScale,
-    /// Titles of the drawn layers that have no values of the field.
     without: Vec<String>,
 }
 
@@ -121,18 +142,7 @@ pub(crate) struct FieldBar {
 impl FieldPlane {
     /// Maps a field of the drawn layers.
     pub(crate) fn new(opened: &mut LoadedModel, request: &SceneRequest, field: &FieldRequest) -> Result<FieldPlane> {
-        let whole = &opened.full()?.model;
-        let mut query = FieldQuery::new(&field.name, &whole.metadata.fields)?;
-        let layers =
-            || whole.layers.iter().enumerate().filter(|(place, _)| request.shows(*place)).map(|(_, layer)| layer);
-        if field.bulk && query.component != MapComponent::Scalar {
-            query.bulk = mean_vector(layers(), &query.name);
-        }
-        let chosen = ValueScale::from_name(&field.scale).ok();
-        let scale = chosen.unwrap_or_else(|| query.scale(|| first_means(layers(), &query.name)));
-        let without = layers().filter(|l| l.content.iter().all(|b| b.gaussians.fields.get(&query.name).is_none()));
-        let without: Vec<String> = without.map(|l| species_title(&l.name)).collect();
-        let request = &SceneRequest { coarse: request.coarse && whole.gaussians() > MOST, ..request.clone() };
+        let FieldFacts { query, scale, without } = opened.field_facts(request, field)?;
         let model: &Model = opened.shown(request)?;
         let scene = request.scene(model, &|layer| request.shows(layer));
         if scene.parts().all(|m| m.fields.get(&query.name).is_none()) {
@@ -140,8 +150,7 @@ impl FieldPlane {
             return Ok(FieldPlane { values, shade: None, scale, without });
         }
         let map = field_map(&scene, &query, &request.density_view(scene.bounds())?, request.size, &Context::SILENT)?;
-        let values = map.wanted(&query).clone();
-        Ok(FieldPlane { values, shade: field.shade.then_some(map.density), scale, without })
+        Ok(FieldPlane { values: map.values, shade: field.shade.then_some(map.density), scale, without })
     }
 
     /// The range of the values, if they have one.

@@ -100,7 +100,7 @@ pub(crate) struct PlaneColours {
 }
 
 /// A field to draw, as `render` draws it.
-#[derive(Clone, Deserialize)]
+#[derive(Clone, PartialEq, Deserialize)]
 pub(crate) struct FieldRequest {
     /// Its name, as `render --field` takes it.
     pub name: String,

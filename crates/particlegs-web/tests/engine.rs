@@ -278,9 +278,9 @@ fn its_maps_of_a_field_are_the_renderers_and_name_layers_without_it() {
     query.bulk = mean_vector(&model.layers, "velocity");
     let density = DensityView::of_view(&view, &model.metadata.bounds);
     let map = field_map(&Scene::new(&model), &query, &density, SIZE, &Context::SILENT).unwrap();
-    let range = ValueScale::Signed.range(&map.mean).unwrap();
+    let range = ValueScale::Signed.range(&map.values).unwrap();
     let colors = ValueColors { scale: ValueScale::Signed, range, map: None };
-    let wanted = colors.image(&map.mean, Some(&map.density), true).data;
+    let wanted = colors.image(&map.values, Some(&map.density), true).data;
     let field = json!({ "name": "velocity.los", "bulk": true, "scale": "", "shade": true });
     let paint = json!({ "white": true, "field": field });
     let picture_question = json!({ "ask": "picture", "model": 1, "scene": scene, "paint": paint });
@@ -293,11 +293,11 @@ fn its_maps_of_a_field_are_the_renderers_and_name_layers_without_it() {
         answer.numbers.chunks_exact(4).map(|v| f32::from_le_bytes(v.try_into().unwrap())).collect()
     };
     let same = |a: &f32, b: &f64| a.to_bits() == (*b as f32).to_bits();
-    assert!(values(&ask(&mut engine, &values_question)).iter().zip(&map.mean.data).all(|(a, b)| same(a, b)));
+    assert!(values(&ask(&mut engine, &values_question)).iter().zip(&map.values.data).all(|(a, b)| same(a, b)));
     // A box around all changes nothing; layers without the field are the background.
     scene["clip"] = json!({ "min": [-1e9, -1e9, -1e9], "max": [1e9, 1e9, 1e9] });
     let clipped_question = json!({ "ask": "values", "model": 1, "scene": scene, "style": "density", "field": field });
-    assert!(values(&ask(&mut engine, &clipped_question)).iter().zip(&map.mean.data).all(|(a, b)| same(a, b)));
+    assert!(values(&ask(&mut engine, &clipped_question)).iter().zip(&map.values.data).all(|(a, b)| same(a, b)));
     scene["layers"] = json!([false, true]);
     let layer_question = json!({ "ask": "picture", "model": 1, "scene": scene, "paint": paint });
     assert!(ask(&mut engine, &layer_question).numbers.iter().all(|v| *v == 255));

@@ -273,8 +273,7 @@ impl Model {
     /// As [`Model::density_map`]; [`crate::Error::Argument`] for a field that the model lacks.
     pub fn field_map(&self, field: &str, view: &DensityView, size: Size, context: &Context<'_>) -> Result<Plane<f64>> {
         let query = FieldQuery::new(field, &self.metadata().fields)?;
-        let map = render::field_map(&Scene::new(&self.decoded), &query, view, size, context)?;
-        Ok(map.wanted(&query).clone())
+        Ok(render::field_map(&Scene::new(&self.decoded), &query, view, size, context)?.values)
     }
 
     /// The uses that it is good for by its certificate: a word and a reason for each.

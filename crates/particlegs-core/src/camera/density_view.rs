@@ -126,6 +126,17 @@ impl DensityView {
         tails: impl FnOnce(&Cell) -> [f64; 3],
         draw: impl FnOnce(&DensityView, Size) -> Result<Plane>,
     ) -> Result<Plane> {
+        let mut planes = self.wrapped_planes(size, tails, |view, size| Ok(vec![draw(view, size)?]))?;
+        Ok(planes.swap_remove(0))
+    }
+
+    /// The same of several planes that `draw` gives together.
+    pub fn wrapped_planes(
+        &self,
+        size: Size,
+        tails: impl FnOnce(&Cell) -> [f64; 3],
+        draw: impl FnOnce(&DensityView, Size) -> Result<Vec<Plane>>,
+    ) -> Result<Vec<Plane>> {
         let (Images::Nearest(cell), Projection::Orthographic { height_world }) = (self.images, self.camera.projection)
         else {
             return draw(self, size);
@@ -152,13 +163,17 @@ impl DensityView {
         let mut view = self.clone();
         view.camera.projection = Projection::Orthographic { height_world: pixel * larger.height as f64 };
         let drawn = draw(&view, larger)?;
-        let mut plane = Plane::zeros(size);
         let columns = shares(larger.width, size.width, repeats[0].map(|r| r.1));
-        for (from, to, down) in shares(larger.height, size.height, repeats[1].map(|r| r.1)) {
-            let (from, to) = (&drawn.data[from * larger.width..], &mut plane.data[to * size.width..]);
-            columns.iter().for_each(|&(i, j, across)| to[j] += down * across * from[i]);
-        }
-        Ok(plane)
+        let rows = shares(larger.height, size.height, repeats[1].map(|r| r.1));
+        let folded = |drawn: Plane| {
+            let mut plane = Plane::zeros(size);
+            for &(from, to, down) in &rows {
+                let (from, to) = (&drawn.data[from * larger.width..], &mut plane.data[to * size.width..]);
+                columns.iter().for_each(|&(i, j, across)| to[j] += down * across * from[i]);
+            }
+            plane
+        };
+        Ok(drawn.into_iter().map(folded).collect())
     }
 
     /// Shifts of the particles (bounds `bounds`, reaching `margin` beyond their centres) that can

@@ -21,6 +21,9 @@ const DARKEST: f32 = 0.06;
 /// A positive field over a wider range gets a logarithmic scale.
 const WIDE: f64 = 30.0;
 
+/// Steps of the colours of a picture.
+const STEPS: usize = 4096;
+
 impl ValueScale {
     /// The scale that suits values whose sign matters or not.
     pub fn suited(plane: &Plane<f64>, signed: bool) -> ValueScale {
@@ -98,12 +101,17 @@ impl ValueColors {
 
     /// The colour of a value that is a number; beyond the range, that of the nearer end.
     pub fn of(&self, value: f64) -> [u8; 3] {
+        self.at(self.share(value) as f32)
+    }
+
+    /// The share of the range that lies below a value.
+    fn share(&self, value: f64) -> f64 {
         let [lo, hi] = self.range;
         let share = match self.scale {
             ValueScale::Logarithmic => libm::log(value.max(f64::MIN_POSITIVE) / lo) / libm::log(hi / lo),
             _ => (value - lo) / (hi - lo),
         };
-        self.at(share.clamp(0.0, 1.0) as f32)
+        share.clamp(0.0, 1.0)
     }
 
     /// A picture of values. Those that are not numbers have the background's colour, and colours come near it where there
@@ -111,12 +119,13 @@ impl ValueColors {
     pub fn image(&self, values: &Plane<f64>, shade: Option<&Plane>, white: bool) -> Rgb8 {
         let shades = shade.map(|s| (s, s.log_range().unwrap_or([1.0, 10.0])));
         let background = if white { [255; 3] } else { [0; 3] };
+        let colors: Vec<[u8; 3]> = (0..=STEPS).map(|i| self.at(i as f32 / STEPS as f32)).collect();
         let data = parallel::map_range(values.data.len(), |i| {
             let value = values.data[i];
             if value.is_nan() {
                 return background;
             }
-            let color = self.of(value);
+            let color = colors[(self.share(value) * STEPS as f64 + 0.5) as usize];
             let Some((shade, [lo, hi])) = &shades else { return color };
             let bright = (libm::log(f64::from(shade.data[i]) / lo) / libm::log(hi / lo)) as f32;
             let bright = if bright.is_nan() { DARKEST } else { bright.clamp(DARKEST, 1.0) };

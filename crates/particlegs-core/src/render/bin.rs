@@ -123,6 +123,16 @@ pub struct PlacedFootprint {
 /// Finds a footprint's plane and stroke; `None` where it does not touch the picture.
 #[inline]
 pub fn place(levels: &[Level], f: &Footprint) -> Option<PlacedFootprint> {
+    place_by(levels, f, |peak, smaller| (cut(peak, smaller), suited(levels, smaller, SHARPEST)))
+}
+
+/// The same, where `choice` gives the cut (squared sigmas) and the plane with its scale, of the peak and the smaller variance.
+#[inline(always)]
+pub(super) fn place_by(
+    levels: &[Level],
+    f: &Footprint,
+    choice: impl FnOnce(f64, f64) -> (f64, (usize, f64)),
+) -> Option<PlacedFootprint> {
     // In f64: wide enough for every product, and pixel coordinates keep their digits on the way to the plane's.
     let ([xx, _, yy], across) = (f.cov(), f64::from(f.across));
     let ([at_x, at_y], sum) = (f.mean.map(f64::from), f64::from(f.sum));
@@ -144,9 +154,8 @@ pub fn place(levels: &[Level], f: &Footprint) -> Option<PlacedFootprint> {
     let half_sum = 0.5 * (xx + yy);
     // The smaller eigenvalue, as a quotient: half the sum less the root would cancel for needles.
     let smaller = det / (half_sum + (half_sum * half_sum - det).max(0.0).sqrt());
-    let cut2 = cut(peak, smaller);
+    let (cut2, (level, scale)) = choice(peak, smaller);
     let (reach_x, reach_y) = ((cut2 * xx).sqrt(), (cut2 * yy).sqrt());
-    let (level, scale) = suited(levels, smaller);
     let shape = &levels[level];
     let pad = PAD as f64;
     // Planes share their edges, not their pixel centres, which lie half a pixel inside.
@@ -183,11 +192,11 @@ pub fn place(levels: &[Level], f: &Footprint) -> Option<PlacedFootprint> {
     Some(PlacedFootprint { level, scale, small, stroke: splat })
 }
 
-/// The coarsest plane that still shows a variance, and its scale.
-pub(super) fn suited(levels: &[Level], variance: f64) -> (usize, f64) {
+/// The coarsest plane that still shows a variance, where `sharpest` is the least sigma on it, and its scale.
+pub(super) fn suited(levels: &[Level], variance: f64, sharpest: f64) -> (usize, f64) {
     let mut level = 0;
     let mut scale = 1.0;
-    let mut least = 4.0 * SHARPEST * SHARPEST;
+    let mut least = 4.0 * sharpest * sharpest;
     while level + 1 < levels.len() && variance >= least {
         level += 1;
         scale *= 0.5;

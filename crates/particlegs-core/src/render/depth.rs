@@ -4,7 +4,7 @@ use super::alpha;
 use super::bin::{Binner, StrokeBins};
 use super::lens::Lens;
 use super::project::{CameraGaussian, project};
-use super::raster::pyramid::Level;
+use super::raster::pyramid::{Level, W};
 use super::raster::{RasterCanvas, clip};
 use super::scene::Scene;
 use super::scratch::Scratch;
@@ -123,7 +123,7 @@ pub(super) fn sum<'a>(
     scratch: &'a mut Scratch,
     context: &Context<'_>,
 ) -> Result<PlaneRows<'a>> {
-    let mut canvas = RasterCanvas::new(size, scratch, context)?;
+    let mut canvas = RasterCanvas::new(size, 1, scratch, context)?;
     let mut runs: Vec<GaussianRun<'_>> = scene
         .parts
         .iter()
@@ -163,7 +163,7 @@ pub(super) fn sum<'a>(
         runs.truncate(runs.len() - drawn);
         canvas.draw(&bins, context)?;
     }
-    Ok(canvas.finish(context))
+    Ok(canvas.finish(&W, context))
 }
 
 /// Gaussians to be projected in one step: from `start` to the next multiple of [`RUN`].
@@ -175,9 +175,9 @@ struct GaussianRun<'a> {
 
 /// Draws all strokes and sums the planes.
 pub fn paint(size: Size, bins: &[StrokeBins], scratch: &mut Scratch, context: &Context<'_>) -> Result<Plane> {
-    let mut canvas = RasterCanvas::new(size, scratch, context)?;
+    let mut canvas = RasterCanvas::new(size, 1, scratch, context)?;
     canvas.draw(bins, context)?;
-    clip(canvas.finish(context)).to_plane(context)
+    clip(canvas.finish(&W, context)).to_plane(context)
 }
 
 /// Projects a run of Gaussians to strokes; stops where they are too many to be kept. Says how many

@@ -1,11 +1,14 @@
-//! Maps of a field: its weighted mean along each line of sight, and its dispersion about that (docs/law/fields.md).
+//! Maps of a field: its weighted mean along each line of sight, or its dispersion about that (docs/law/fields.md).
 
-use super::bin::{SMALL, lattice_sum};
 use super::field_query::{FieldQuery, MapComponent};
+use super::field_strokes::{FieldFootprint, FieldStroke, FieldSums, SumKind, draw};
 use super::lens::Lens;
-use super::pixel_moments::{DepthCut, LogExcess, PixelValue, WeightFootprint};
-use super::project::{CameraGaussian, DepthMoments, Footprint, slices};
+use super::pixel_moments::{DepthCut, LogExcess, WeightFootprint};
+use super::project::{CameraGaussian, DepthMoments, slices};
+use super::raster::RasterCanvas;
+use super::raster::pyramid::{BAND, FIELD_W, Level};
 use super::scene::Scene;
+use super::scratch::Scratch;
 use super::surface::{all_tails, moved, reach};
 use crate::camera::DensityView;
 use crate::context::Context;
@@ -16,35 +19,21 @@ use crate::{Error, Hint, Result, parallel};
 use std::borrow::Cow;
 use std::f64::consts::{LN_10, PI};
 
-/// Footprints end at these many deviations, squared: 3e-7 of the mass lies beyond.
-const CUT: f64 = 30.0;
 /// Pixels with less than this of what one particle gives, over the disc of its default radius or a pixel where that is
 /// larger, count as empty: tails of Gaussians, where values mean nothing.
 const LEAST_DENSITY: f64 = 1e-4;
-/// Planes that are summed up: weight, weight times value and its square, weight times the exponential of a logarithm, and
-/// mass where a field weighs.
-const SUMS: usize = 5;
-const MASS_SUM: usize = 4;
-/// Rows that one task draws.
-const BAND: usize = 16;
+/// Gaussians projected in one step.
+const RUN: usize = 1024;
 
-/// A field on the picture plane. Values are NaN where there is no mass, or less than 1e-4 of what one particle gives.
+/// A field on the picture plane.
 #[derive(Clone, Debug)]
 pub struct FieldMap {
-    /// Mean weighted by surface density, in the field's unit.
-    pub mean: Plane<f64>,
-    /// Root mean square of what single particles differ from the mean; of a logarithmic field that of the decimal logarithm
-    /// (dex).
-    pub dispersion: Plane<f64>,
-    /// The surface density that weighs, of the parts that have the field.
+    /// What the query asks for: the mean weighted by surface density, in the field's unit, or the root mean square of what
+    /// single particles differ from it; of a logarithmic field that of the decimal logarithm (dex). NaN where there is no
+    /// mass, or less than 1e-4 of what one particle gives.
+    pub values: Plane<f64>,
+    /// The surface density, of the parts that have the field.
     pub density: Plane,
-}
-
-impl FieldMap {
-    /// The plane that a query asks for: the dispersion or the mean.
-    pub fn wanted(&self, query: &FieldQuery) -> &Plane<f64> {
-        if query.dispersion { &self.dispersion } else { &self.mean }
-    }
 }
 
 /// Maps a field of a scene; of a sum, such as a charge, per world unit squared. Parts without it add nothing; an error where
@@ -62,10 +51,16 @@ pub fn field_map(
     let all: Vec<(&Mixture, f64)> = has_it.map(|&(m, mass)| (m, unit(mass))).collect();
     let FieldRange { range, half_width } = FieldRange::new(&all, query)?;
     check_weighting(&all, query)?;
-    let reference = overall_mean(&all, query);
-    let largest = range[0].abs().max(range[1].abs());
+    let is_logarithmic = all.iter().any(|(m, _)| m.fields.get(&query.name).is_some_and(|f| f.excess.is_some()));
+    let kind = match query.dispersion {
+        true => SumKind::Square,
+        false if is_logarithmic => SumKind::Exponential,
+        false => SumKind::Value,
+    };
     // Planes are float32, which would not hold squares of very large or very small values.
-    let [s, of_values] = [half_width, largest].map(float32_scale);
+    let largest = if kind == SumKind::Exponential { range[0].abs().max(range[1].abs()) } else { half_width };
+    let (reference, scale) = (overall_mean(&all, query), float32_scale(largest));
+    let sums = FieldSums { kind, reference, scale, weighed: query.by.is_some() };
     let least = least_density(scene, &all, query, Lens::density(view, size, [0.0; 3])?.unit);
     let scene = Scene { parts: all, shifts: scene.shifts.clone(), ..*scene };
     let cell = view.centered_cell();
@@ -73,57 +68,38 @@ pub fn field_map(
         scene.parts.iter().map(|(m, _)| cell.as_ref().map_or(Cow::Borrowed(*m), |c| moved(m, c))).collect();
     let parts = parts.iter().zip(&scene.parts).map(|(m, (_, mass))| (&**m, *mass)).collect();
     let scene = Scene { parts, shifts: scene.shifts.clone(), ..scene };
-    let is_logarithmic = scene.parts.iter().any(|(m, _)| m.fields.get(&query.name).is_some_and(|f| f.excess.is_some()));
-    let mut sums: Option<Vec<Plane>> = None;
-    let mut folded = Vec::with_capacity(SUMS);
-    let weighed = query.by.is_some();
-    let last = [is_logarithmic.then_some(SUMS - 2), weighed.then_some(MASS_SUM)];
-    // One drawing gives all sums; `wrapped` folds one plane at a time, so the others wait in `sums`.
-    for k in (0..3).chain(last.into_iter().flatten()) {
-        let tails = |cell: &_| all_tails(&scene, view.camera.focal_point, cell);
-        folded.push(view.wrapped(size, tails, |view, size| {
-            let sums = match &mut sums {
-                Some(sums) => sums,
-                none => none.insert(drawn(
-                    &scene,
-                    query,
-                    (reference, [1.0, s, s * s, of_values, 1.0]),
-                    view,
-                    size,
-                    context,
-                )?),
-            };
-            Ok(std::mem::replace(&mut sums[k], Plane::zeros(Size { width: 0, height: 0 })))
-        })?);
-    }
-    let mut rest = folded.split_off(3);
-    // Masses were folded last, if at all.
-    let masses = weighed.then(|| rest.pop()).flatten();
-    let values = rest.pop();
-    let [density, first, second] = <[Plane; 3]>::try_from(folded).expect("three planes");
-    let empty = || Plane { size: density.size, data: vec![f64::NAN; density.data.len()] };
-    let (mut mean, mut dispersion) = (empty(), empty());
-    for (i, &w) in density.data.iter().enumerate() {
-        // Mass sets the threshold of an empty pixel, also where another field weighs (docs/law/fields.md).
-        let mass = f64::from(masses.as_ref().map_or(w, |masses| masses.data[i]));
+    let tails = |cell: &_| all_tails(&scene, view.camera.focal_point, cell);
+    let mut planes =
+        view.wrapped_planes(size, tails, |view, size| drawn(&scene, query, &sums, (view, size), context))?;
+    // Mass sets the threshold of an empty pixel, also where another field weighs (docs/law/fields.md).
+    let mass = if sums.weighed { &planes[sums.planes() - 1] } else { &planes[0] };
+    let at = |i: usize| -> f64 {
+        let [mass, w, first] = [mass, &planes[0], &planes[1]].map(|p| f64::from(p.data[i]));
         if mass.is_nan() || mass <= least || w <= 0.0 {
-            continue;
+            return f64::NAN;
         }
-        let w = f64::from(w);
-        let scaled_mean = f64::from(first.data[i]) / w;
-        // Rounding of the planes may leave a difference below zero.
-        let variance = (f64::from(second.data[i]) / w - scaled_mean * scaled_mean).max(0.0);
-        // Values of a logarithmic field have their own sum, and its dispersion is in dex.
-        let (value, unit) = match &values {
-            Some(values) => (f64::from(values.data[i]) / w / of_values, LN_10),
-            None => (reference + scaled_mean / s, 1.0),
-        };
-        dispersion.data[i] = (variance.sqrt() / s).min(half_width) / unit;
-        // Values are linear in the place, and would leave the particles' range in the tails of Gaussians.
-        let value = value.clamp(range[0], range[1]);
-        mean.data[i] = if query.per_area { w * value } else { value };
-    }
-    Ok(FieldMap { mean, dispersion, density: masses.unwrap_or(density) })
+        let scaled_mean = first / w;
+        match kind {
+            SumKind::Square => {
+                // Rounding of the planes may leave a difference below zero.
+                let variance = (f64::from(planes[2].data[i]) / w - scaled_mean * scaled_mean).max(0.0);
+                (variance.sqrt() / scale).min(half_width) / if is_logarithmic { LN_10 } else { 1.0 }
+            }
+            _ => {
+                let about = if kind == SumKind::Value { reference } else { 0.0 };
+                // Values are linear in the place, and would leave the particles' range in the tails of Gaussians.
+                let value = (about + scaled_mean / scale).clamp(range[0], range[1]);
+                if query.per_area { w * value } else { value }
+            }
+        }
+    };
+    let mut values = Plane { size, data: vec![f64::NAN; size.pixels()] };
+    parallel::for_each_chunk(&mut values.data, size.width, |j, row| {
+        row.iter_mut().enumerate().for_each(|(i, v)| *v = at(j * size.width + i));
+    });
+    let mut density = planes.swap_remove(if sums.weighed { sums.planes() - 1 } else { 0 });
+    density.data.iter_mut().for_each(|v| *v = v.max(0.0));
+    Ok(FieldMap { values, density })
 }
 
 /// Refuses a field that cannot weigh means: one that can be negative, or whose correlations with the mapped one are not known.
@@ -230,35 +206,17 @@ fn mean_weight(parts: &[(&Mixture, f64)], query: &FieldQuery) -> f64 {
     if mean > 0.0 && mean.is_finite() { mean } else { 1.0 }
 }
 
-/// A footprint with what the field is on it.
-struct FieldFootprint {
-    footprint: Footprint,
-    /// The mean at its centre, and how it changes per pixel.
-    value: f64,
-    tilt: [f64; 2],
-    /// Variance about that.
-    variance: f64,
-    /// Of a logarithmic field.
-    excess: Option<LogExcess>,
-    /// The slab that cuts a Gaussian of an orthographic view.
-    slab: Option<DepthCut>,
-    /// Another field that weighs.
-    by: Option<WeightFootprint>,
-}
-
-/// Planes of weight, weight times value and weight times value squared; of a logarithmic field these are of logarithms, and
-/// the fourth is of weight times value. Values are about `reference`, and planes times `scales`.
+/// The planes of sums.
 fn drawn(
     scene: &Scene,
     query: &FieldQuery,
-    (reference, scales): (f64, [f64; SUMS]),
-    view: &DensityView,
-    size: Size,
+    sums: &FieldSums,
+    (view, size): (&DensityView, Size),
     context: &Context<'_>,
 ) -> Result<Vec<Plane>> {
-    // Five sums in f64 and as many planes in f32.
-    context.require_memory("a map of a field", 60 * size.pixels() as u64)?;
-    let mut footprints = Vec::new();
+    let mut scratch = Scratch::default();
+    let mut canvas = RasterCanvas::new(size, sums.planes(), &mut scratch, context)?;
+    let mut strokes: Vec<FieldStroke> = Vec::new();
     let per_mean = 1.0 / mean_weight(&scene.parts, query);
     for copy_shift in view.copies(size, &scene.bounds, reach(scene))? {
         for shift in &scene.shifts {
@@ -269,54 +227,47 @@ fn drawn(
                     .by
                     .as_ref()
                     .and_then(|by| Some((m.fields.get(by)?, m.correlation(&query.name, by).map(|r| &r[..]))));
-                let part = FieldProjection { lens, mixture: m, field, by, per_mean, unit, query, reference };
-                let new_footprints = parallel::map_range(m.len(), |i| {
-                    let mut pieces = Vec::new();
-                    part.project(i, &mut pieces);
-                    pieces.retain(|f| touches(&f.footprint, size));
-                    pieces
+                let part =
+                    FieldProjection { lens, mixture: m, field, by, per_mean, unit, query, reference: sums.reference };
+                let new_strokes = parallel::map_range(m.len().div_ceil(RUN), |run| {
+                    let mut footprints = Vec::with_capacity(RUN);
+                    (run * RUN..m.len().min((run + 1) * RUN)).for_each(|i| part.project(i, &mut footprints));
+                    footprints.into_iter().filter_map(|f| f.placed(&canvas.levels, sums)).collect::<Vec<_>>()
                 });
                 context.check()?;
                 // In the order of the Gaussians, as in every band: sums have the same bits for any number of threads.
-                footprints.extend(new_footprints.into_iter().flatten());
+                strokes.extend(new_strokes.into_iter().flatten());
             }
         }
     }
-    let mut bands: Vec<Vec<u32>> = vec![Vec::new(); size.height.div_ceil(BAND)];
-    for (number, f) in footprints.iter().enumerate() {
-        let (at, half) = (f64::from(f.footprint.mean[1]), (CUT * f64::from(f.footprint.down)).sqrt());
-        let last = bands.len() - 1;
-        let row = |y: f64| (y.max(0.0) as usize / BAND).min(last);
-        for band in &mut bands[row(at - half)..=row(at + half)] {
-            band.push(number as u32);
-        }
-    }
-    let rows = parallel::try_map(bands.iter().enumerate(), |(band, members)| {
+    let bands = banded(&strokes, &canvas.levels);
+    canvas.draw_bands(|number, mut band| {
         context.check()?;
-        let rows = BAND.min(size.height - band * BAND);
-        // In f64 at full resolution, as quotients of sums would show what planes of halved resolution ripple.
-        let mut sums = vec![[0.0f64; SUMS]; rows * size.width];
-        for &f in members {
-            draw(&footprints[f as usize], reference, band * BAND, size.width, &mut sums);
-        }
-        Ok::<_, Error>(sums)
+        draw(context.simd(), &mut band, bands[number].iter().map(|&s| &strokes[s as usize]), sums);
+        Ok(())
     })?;
-    // Scaled in f64, as float32 would not hold them in any unit.
-    let plane = |k: usize| Plane { size, data: rows.iter().flatten().map(|v| (v[k] * scales[k]) as f32).collect() };
-    Ok((0..SUMS).map(plane).collect())
+    let rows = canvas.finish(&FIELD_W, context);
+    let plane = |k: usize| {
+        let mut plane = Plane::zeros(size);
+        parallel::for_each_chunk(&mut plane.data, size.width, |j, row| {
+            let start = j * rows.stride + k * (rows.stride / sums.planes());
+            row.copy_from_slice(&rows.data[start..start + size.width]);
+        });
+        plane
+    };
+    Ok((0..sums.planes()).map(plane).collect())
 }
 
-fn touches(f: &Footprint, size: Size) -> bool {
-    let [xx, _, yy] = f.cov();
-    let inside = |at: f32, variance: f64, pixels: usize| {
-        let (at, reach) = (f64::from(at), (CUT * variance).sqrt());
-        at + reach >= 0.0 && at - reach <= pixels as f64 - 1.0
-    };
-    f.sum > 0.0
-        && f.across > 0.0
-        && f.down > 0.0
-        && inside(f.mean[0], xx, size.width)
-        && inside(f.mean[1], yy, size.height)
+/// The strokes that touch each band, by their places.
+fn banded(strokes: &[FieldStroke], levels: &[Level]) -> Vec<Vec<u32>> {
+    let mut bands = vec![Vec::new(); levels.iter().map(Level::bands).sum()];
+    for (place, s) in strokes.iter().enumerate() {
+        let level = &levels[s.level];
+        let row = |y: f32| y.clamp(0.0, (level.rows - 1) as f32) as usize / BAND;
+        let touched = row(s.splat.y - s.splat.half)..=row(s.splat.y + s.splat.half);
+        bands[level.first_band..][touched].iter_mut().for_each(|band| band.push(place as u32));
+    }
+    bands
 }
 
 /// The lens, the part and the fields by which Gaussians are projected.
@@ -473,82 +424,6 @@ impl FieldProjection<'_> {
             variance: dot(direction, spread.apply(direction)),
             slope: each_axis(|a| turn[a] + dot(direction, each_axis(|k| field.slope[k][a][i]))),
             excess: None,
-        }
-    }
-}
-
-/// Adds a footprint to the rows from `first` on.
-fn draw(f: &FieldFootprint, reference: f64, first: usize, width: usize, sums: &mut [[f64; SUMS]]) {
-    let Footprint { mean, .. } = f.footprint;
-    let [at_x, at_y] = mean.map(f64::from);
-    let [down, lean, across, sum] =
-        [f.footprint.down, f.footprint.lean, f.footprint.across, f.footprint.sum].map(f64::from);
-    let [xx, _, yy] = f.footprint.cov();
-    let mut peak = sum / (2.0 * PI * (down * across).sqrt());
-    // Small footprints alias on the pixel grid: their sum over it is made exact (docs/law/depth.md).
-    if across * down / (xx + yy) < SMALL {
-        peak /= lattice_sum([at_x, at_y], f.footprint.cov());
-    }
-    for (row, pixels) in sums.chunks_exact_mut(width).enumerate() {
-        let dy = (first + row) as f64 - at_y;
-        let left = CUT - dy * dy / down;
-        if left < 0.0 {
-            continue;
-        }
-        let (center, half) = (at_x + lean * dy, (left * across).sqrt());
-        let from = (center - half).ceil().max(0.0);
-        let to = (center + half).floor().min(width as f64 - 1.0);
-        if to < from {
-            continue;
-        }
-        // Values of a Gaussian one pixel apart: their quotients' quotient is constant.
-        let aside = from - center;
-        let mut weight = peak * libm::exp(-0.5 * (dy * dy / down + aside * aside / across));
-        let mut quotient = libm::exp(-(aside + 0.5) / across);
-        let change = libm::exp(-1.0 / across);
-        let mut value = f.value + f.tilt[0] * (from - at_x) + f.tilt[1] * dy;
-        for (i, pixel) in pixels[from as usize..=to as usize].iter_mut().enumerate() {
-            let (mut weight_here, mut value_here, mut variance) = (weight, value, f.variance);
-            let place = [from + i as f64 - at_x, dy];
-            // A slab changes share, mean and variance at each pixel (docs/law/fields.md, "Along a line of sight").
-            let mut share = 1.0;
-            if let Some(slab) = &f.slab {
-                let [left, shift, change] = slab.at(place);
-                share = left;
-                (weight_here, value_here, variance) = (weight * share, value + shift, (variance + change).max(0.0));
-            }
-            if let Some(by) = &f.by {
-                // Moments under a weight are quotients by the share that a slab leaves.
-                if share > 0.0 {
-                    let excess = f.excess.map(|e| (reference + e.added, e));
-                    let q = PixelValue { mean: value, variance: f.variance, excess };
-                    let weighted_value = by.at(place, q, f.slab.as_ref());
-                    let weight_here = weight * share;
-                    // Mass without the other field's weight decides which pixels are empty.
-                    pixel[MASS_SUM] += weight_here;
-                    let weight_here = weight_here * weighted_value.weight;
-                    pixel[0] += weight_here;
-                    pixel[1] += weight_here * weighted_value.mean;
-                    pixel[2] += weight_here * (weighted_value.mean * weighted_value.mean + weighted_value.variance);
-                    pixel[3] += weight_here * weighted_value.value;
-                }
-                weight *= quotient;
-                quotient *= change;
-                value += f.tilt[0];
-                continue;
-            }
-            pixel[0] += weight_here;
-            pixel[1] += weight_here * value_here;
-            pixel[2] += weight_here * (value_here * value_here + variance);
-            if let Some(LogExcess { added, range: [least, largest] }) = f.excess.filter(|_| share > 0.0) {
-                // `E[q | d] = exp(q(d) + variance / 2 + c)` before the slab, times its factor (docs/law/fields.md).
-                let tilted = f.slab.as_ref().map_or(1.0, |s| s.tilted(place, share));
-                let mean = reference + value + 0.5 * f.variance + added + libm::log(tilted);
-                pixel[3] += weight_here * libm::exp(mean.clamp(least, largest));
-            }
-            weight *= quotient;
-            quotient *= change;
-            value += f.tilt[0];
         }
     }
 }
@@ -712,13 +587,17 @@ mod tests {
     fn worst(q: &FieldQuery, v: &DensityView) -> f64 {
         let m = model();
         let bounds = Bounds { min: [-5.0; 3], max: [5.0; 3] };
-        let map = field_map(&Scene::from_mixture(&m, bounds), q, v, SIZE, &Context::SILENT).unwrap();
+        let map = |dispersion: bool| {
+            let q = FieldQuery { dispersion, ..q.clone() };
+            field_map(&Scene::from_mixture(&m, bounds), &q, v, SIZE, &Context::SILENT).unwrap()
+        };
+        let (map, dispersions) = (map(false), map(true).values);
         let peak = map.density.data.iter().copied().fold(0.0, f32::max);
         let mut worst = 0.0f64;
         let mut seen = 0;
         for i in (0..SIZE.pixels()).step_by(61).filter(|&i| map.density.data[i] > 0.01 * peak) {
             let [_, mean, dispersion] = integrated(&m, q, v, [i % SIZE.width, i / SIZE.width]);
-            let off = [map.mean.data[i] - mean, map.dispersion.data[i] - dispersion];
+            let off = [map.values.data[i] - mean, dispersions.data[i] - dispersion];
             worst = off.iter().fold(worst, |w, v| w.max(v.abs() / mean.hypot(dispersion)));
             seen += 1;
         }
@@ -770,6 +649,22 @@ mod tests {
     }
 
     #[test]
+    fn threads_and_vectors_do_not_change_a_bit() {
+        let (m, bounds) = (model(), Bounds { min: [-5.0; 3], max: [5.0; 3] });
+        let flat = view(Projection::Orthographic { height_world: 4.0 }, [8.7, 9.4]);
+        let weighed = FieldQuery { by: Some("metals".into()), ..query("scalar", MapComponent::Scalar) };
+        for q in [query("heat", MapComponent::Scalar), query("velocity", MapComponent::LineOfSight), weighed] {
+            let map = |context: &Context<'_>| -> Vec<u64> {
+                let map = field_map(&Scene::from_mixture(&m, bounds), &q, &flat, SIZE, context).unwrap();
+                map.values.data.iter().map(|v| v.to_bits()).collect()
+            };
+            let all = map(&Context::SILENT);
+            assert!(all == parallel::with_threads(1, || map(&Context::SILENT)).unwrap(), "{}", q.name);
+            assert!(all == map(&Context::scalar()), "{}", q.name);
+        }
+    }
+
+    #[test]
     fn tails_are_empty_and_no_dispersion_exceeds_half_the_range() {
         let mut m = Mixture::new(false);
         let mut field = FieldMoments { range: vec![[0.0, 1.0]], ..FieldMoments::new(1) };
@@ -780,10 +675,12 @@ mod tests {
         let v = view(Projection::Orthographic { height_world: 4.0 }, [0.0, 18.0]);
         let scene = Scene::from_mixture(&m, Bounds { min: [-5.0; 3], max: [5.0; 3] });
         let map = field_map(&scene, &query("scalar", MapComponent::Scalar), &v, SIZE, &Context::SILENT).unwrap();
-        let seen = map.mean.data.iter().filter(|v| v.is_finite()).count();
+        let seen = map.values.data.iter().filter(|v| v.is_finite()).count();
         let reached = map.density.data.iter().filter(|w| **w > 0.0).count();
         assert!(seen > 100 && 10 * seen < 8 * reached, "{seen} {reached}");
-        assert!(map.dispersion.data.iter().all(|d| d.is_nan() || *d <= 0.5));
+        let dispersion = FieldQuery { dispersion: true, ..query("scalar", MapComponent::Scalar) };
+        let map = field_map(&scene, &dispersion, &v, SIZE, &Context::SILENT).unwrap();
+        assert!(map.values.data.iter().all(|d| d.is_nan() || *d <= 0.5));
     }
 
     #[test]
@@ -793,8 +690,8 @@ mod tests {
         let (scene, v) =
             (Scene::from_mixture(&m, bounds), view(Projection::Orthographic { height_world: 60.0 }, [0.0, 18.0]));
         let map = field_map(&scene, &query("scalar", MapComponent::Scalar), &v, SIZE, &Context::SILENT).unwrap();
-        assert!(map.mean.data[0].is_nan() && map.dispersion.data[0].is_nan() && map.density.data[0] == 0.0);
-        assert!(map.mean.data.iter().any(|v| v.is_finite()));
+        assert!(map.values.data[0].is_nan() && map.density.data[0] == 0.0);
+        assert!(map.values.data.iter().any(|v| v.is_finite()));
         for (name, component) in [("none", MapComponent::Scalar), ("scalar", MapComponent::Axis(0))] {
             assert!(field_map(&scene, &query(name, component), &v, SIZE, &Context::SILENT).is_err(), "{name}");
         }

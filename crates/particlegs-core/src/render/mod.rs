@@ -15,7 +15,8 @@
 //! depth first ([`project::slices`]). Differences of large numbers (positions from the eye, what long
 //! Gaussians leave of their width) are found in f64 within a stage, and handed over where rounding no longer
 //! hurts. The same machinery with masses instead of counts gives the surface density. Maps of a field (`field_map`) are
-//! summed in f64 at full resolution, as quotients of sums would show what planes of halved resolution ripple.
+//! quotients of such sums, by `field_strokes`; only wider footprints go to planes of halved resolution there, as quotients
+//! would show their ripples.
 //!
 //! Models of the alpha-blend law are drawn by [`alpha`], behind the same calls and in the same stages.
 
@@ -24,6 +25,7 @@ pub mod bin;
 pub mod depth;
 mod field_map;
 mod field_query;
+mod field_strokes;
 pub mod lens;
 mod pixel_moments;
 pub mod project;

@@ -33,7 +33,7 @@ impl DepthCut {
     /// The share of the mass that is left at a place, in pixels from the centre, and what that makes of depth's mean, variance
     /// and third moment (the changes of the first two), in its deviations: those of a truncated normal distribution whose mean
     /// is moved by `tilt` of them, as a weight of exp(tilt) for each does.
-    fn moments(&self, from_center: [f64; 2], tilt: f64) -> [f64; 4] {
+    pub fn moments(&self, from_center: [f64; 2], tilt: f64) -> [f64; 4] {
         let mean = self.mean + self.tilt[0] * from_center[0] + self.tilt[1] * from_center[1];
         let [low, high] = self.range.map(|d| (d - mean) / self.deviation - tilt);
         let share = 0.5 * (erf(high * FRAC_1_SQRT_2) - erf(low * FRAC_1_SQRT_2));
@@ -49,19 +49,6 @@ impl DepthCut {
         let cube = (end(low * low, at_low) - end(high * high, at_high)) / share;
         let skew = cube - shift * (1.0 + 3.0 * square - 2.0 * shift * shift);
         [share, shift, square - shift * shift, skew]
-    }
-
-    /// The share that is left at a place, the value's change on average, and that of its variance.
-    pub fn at(&self, from_center: [f64; 2]) -> [f64; 3] {
-        let [share, shift, change, _] = self.moments(from_center, 0.0);
-        let scale = self.slope * self.deviation;
-        [share, scale * shift, scale * scale * change]
-    }
-
-    /// The factor of the cut on the mean of exp(value): the share of the mass that is left where each depth weighs by
-    /// it, over [`DepthCut::at`]'s share.
-    pub fn tilted(&self, from_center: [f64; 2], share: f64) -> f64 {
-        self.moments(from_center, self.slope * self.deviation)[0] / share
     }
 }
 

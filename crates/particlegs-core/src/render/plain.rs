@@ -5,7 +5,7 @@ use super::bin::{PlacedFootprint, RasterSplat, SMALL, cut as cut_of, lattice_sum
 use super::lens::Lens;
 use super::project::slices::{ClipClass, clip_class, cut, misses, whole};
 use super::project::{CameraGaussian, DepthMoments};
-use super::raster::pyramid::{Level, PAD};
+use super::raster::pyramid::{Level, PAD, SHARPEST};
 use super::scene::Scene;
 use crate::camera::{Projection, View};
 use crate::math::each_axis;
@@ -176,7 +176,7 @@ pub fn place(levels: &[Level], f: &PlainFootprint) -> PlacedFootprint {
     let smaller = det / (half_sum + (half_sum * half_sum - det).max(0.0).sqrt());
     let peak = f.sum / (2.0 * std::f64::consts::PI * det.sqrt());
     let cut2 = cut_of(peak, smaller);
-    let (level, scale) = suited(levels, smaller);
+    let (level, scale) = suited(levels, smaller, SHARPEST);
     let small = smaller < SMALL;
     let lattice = if small { lattice_sum(f.mean, f.cov) } else { 1.0 };
     let half_log2 = 0.5 * std::f64::consts::LOG2_E;

@@ -15,7 +15,7 @@ use fearless_simd::{Level, Simd, f32x8};
 pub struct Band<'a> {
     /// The rows' floats.
     pub data: &'a mut [f32],
-    /// Floats from row to row.
+    /// Floats from row to row, of all planes.
     pub stride: usize,
     /// Pixels of a row that exist (pad included).
     pub width: usize,
@@ -30,46 +30,78 @@ pub fn draw(level: Level, band: &mut Band, splats: &[RasterSplat]) {
 
 #[inline(always)]
 fn draw_all<S: Simd>(simd: S, band: &mut Band, splats: &[RasterSplat]) {
-    let rows = band.data.len() / band.stride;
-    let lanes = f32x8::from_slice(simd, &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+    let lanes = lanes(simd);
     for s in splats {
-        let y = s.y - band.first as f32;
-        let top = (y - s.half).ceil().max(0.0) as usize;
-        let bottom = (y + s.half).floor().min(rows as f32 - 1.0);
-        // Compared as a float, since the cast below would make row 0 of what ends above the band.
-        if bottom < 0.0 {
-            continue;
-        }
-        let inverse = 1.0 / s.along;
-        for row in top..=bottom as usize {
-            let dy = row as f32 - y;
-            let fall = s.down * (dy * dy);
-            // Powers are negative: what `fall` leaves of `end`, over `along`, is the square of the row's half width.
-            let left_over = (s.end - fall) * inverse;
-            if left_over < 0.0 {
-                continue;
-            }
-            let half = left_over.sqrt();
-            let center = s.x + s.slope * dy;
-            let from = (center - half).ceil().max(0.0);
-            let to = (center + half).floor().min(band.width as f32 - 1.0);
-            if to < from {
-                continue;
-            }
-            let start = row * band.stride + from as usize;
-            let count = (to - from) as usize + 1;
-            // Whole vectors: the pad takes what reaches beyond, and the end of the footprint makes it 0.
+        for (row, dy) in s.rows(band) {
+            let Some(RowSpan { from, count, aside, fall }) = s.span(dy, band.width) else { continue };
+            let start = row * band.stride + from;
             let pixels = &mut band.data[start..start + count.next_multiple_of(8)];
-            let mut dx = lanes + (from - center);
+            let mut dx = lanes + aside;
             for eight in pixels.chunks_exact_mut(8) {
-                let power = dx * dx * s.along + fall;
-                let value = exp2(power) * s.peak;
-                // Also drops what exp2 makes of powers far below the end.
-                let value = power.simd_ge(s.end).select(value, f32x8::splat(simd, 0.0));
-                (f32x8::from_slice(simd, eight) + value).store_slice(eight);
+                (f32x8::from_slice(simd, eight) + s.eight(simd, dx, fall)).store_slice(eight);
                 dx += 8.0;
             }
         }
+    }
+}
+
+/// 0 to 7.
+#[inline(always)]
+pub(super) fn lanes<S: Simd>(simd: S) -> f32x8<S> {
+    f32x8::from_slice(simd, &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0])
+}
+
+/// The pixels of a row that a stroke covers.
+pub(super) struct RowSpan {
+    /// The first pixel, and their number. Whole vectors may be drawn: the pad takes what reaches beyond, and the end of
+    /// the footprint makes it 0.
+    pub from: usize,
+    pub count: usize,
+    /// The first one's place from the row's centre.
+    pub aside: f32,
+    /// The exponent at the row's centre.
+    pub fall: f32,
+}
+
+impl RasterSplat {
+    /// The rows of a band that it touches, and how far each lies below its centre.
+    #[inline(always)]
+    pub(super) fn rows(&self, band: &Band) -> impl Iterator<Item = (usize, f32)> + use<> {
+        let y = self.y - band.first as f32;
+        let top = (y - self.half).ceil().max(0.0) as usize;
+        let bottom = (y + self.half).floor().min((band.data.len() / band.stride) as f32 - 1.0);
+        // Compared as a float, since the cast would make row 0 of what ends above the band.
+        let end = if bottom < 0.0 { top } else { bottom as usize + 1 };
+        (top..end).map(move |row| (row, row as f32 - y))
+    }
+
+    /// Its pixels in a row of `width`.
+    #[inline(always)]
+    pub(super) fn span(&self, dy: f32, width: usize) -> Option<RowSpan> {
+        let fall = self.down * (dy * dy);
+        // Powers are negative: what `fall` leaves of `end`, over `along`, is the square of the row's half width.
+        let left_over = (self.end - fall) * (1.0 / self.along);
+        if left_over < 0.0 {
+            return None;
+        }
+        let half = left_over.sqrt();
+        let center = self.x + self.slope * dy;
+        let from = (center - half).ceil().max(0.0);
+        let to = (center + half).floor().min(width as f32 - 1.0);
+        (to >= from).then(|| RowSpan {
+            from: from as usize,
+            count: (to - from) as usize + 1,
+            aside: from - center,
+            fall,
+        })
+    }
+
+    /// What it adds to eight pixels at `dx` from the row's centre.
+    #[inline(always)]
+    pub(super) fn eight<S: Simd>(&self, simd: S, dx: f32x8<S>, fall: f32) -> f32x8<S> {
+        let power = dx * dx * self.along + fall;
+        // Also drops what exp2 makes of powers far below the end.
+        power.simd_ge(self.end).select(exp2(power) * self.peak, f32x8::splat(simd, 0.0))
     }
 }
 
@@ -94,30 +126,27 @@ const CHECK: usize = 4096;
 /// Planes of a picture, finest first.
 pub(super) struct RasterCanvas<'a> {
     pub levels: Vec<PlaneLevel>,
+    /// Planes drawn together at each level: a row of each, then the next row.
+    number: usize,
     planes: &'a mut [Vec<f32>],
 }
 
 impl<'a> RasterCanvas<'a> {
-    pub fn new(size: Size, scratch: &'a mut Scratch, context: &Context<'_>) -> Result<Self> {
+    pub fn new(size: Size, number: usize, scratch: &'a mut Scratch, context: &Context<'_>) -> Result<Self> {
         let levels = pyramid::levels(size);
-        let lengths = levels.iter().map(|l| l.stride * l.rows);
+        let lengths = levels.iter().map(|l| number * l.stride * l.rows);
         context.require_memory("a picture", 4 * lengths.clone().sum::<usize>() as u64)?;
         let planes = scratch.planes(lengths, context)?;
         for (plane, l) in planes.iter_mut().zip(&levels) {
-            parallel::for_each_chunk(plane, l.stride * BAND, |_, band| band.fill(0.0));
+            parallel::for_each_chunk(plane, number * l.stride * BAND, |_, band| band.fill(0.0));
         }
-        Ok(RasterCanvas { levels, planes })
+        Ok(RasterCanvas { levels, number, planes })
     }
 
     /// Adds strokes, in their order.
     pub fn draw(&mut self, bins: &[StrokeBins], context: &Context<'_>) -> Result<()> {
         let simd = context.simd();
-        let bands = self.levels.iter().zip(&mut *self.planes).flat_map(|(level, plane)| {
-            plane.chunks_mut(level.stride * BAND).enumerate().map(move |(b, data)| (level, b, data))
-        });
-        parallel::try_for_each(bands, |(level, b, data)| {
-            let mut band = Band { data, stride: level.stride, width: level.size.width + 2 * PAD, first: b * BAND };
-            let number = level.first_band + b;
+        self.draw_bands(|number, mut band| {
             for bin in bins {
                 for splats in bin.strokes[bin.starts[number] as usize..bin.starts[number + 1] as usize].chunks(CHECK) {
                     context.check()?;
@@ -128,14 +157,28 @@ impl<'a> RasterCanvas<'a> {
         })
     }
 
-    /// The planes summed, without the pad. The interpolation may undershoot: see [`clip`].
-    pub fn finish(self, context: &Context<'_>) -> PlaneRows<'a> {
+    /// Draws each band of all levels, by its number.
+    pub fn draw_bands(&mut self, draw: impl Fn(usize, Band) -> Result<()> + Sync) -> Result<()> {
+        let number = self.number;
+        let bands = self.levels.iter().zip(&mut *self.planes).flat_map(|(level, plane)| {
+            plane.chunks_mut(number * level.stride * BAND).enumerate().map(move |(b, data)| (level, b, data))
+        });
+        parallel::try_for_each(bands, |(level, b, data)| {
+            let (stride, width) = (number * level.stride, level.size.width + 2 * PAD);
+            draw(level.first_band + b, Band { data, stride, width, first: b * BAND })
+        })
+    }
+
+    /// The planes summed, without the pad, interpolated by `taps`; rows of the second and further planes follow the
+    /// first's. The interpolation may undershoot: see [`clip`].
+    pub fn finish(self, taps: &[f32; 8], context: &Context<'_>) -> PlaneRows<'a> {
         for l in (1..self.levels.len()).rev() {
             let (finer, coarser) = self.planes.split_at_mut(l);
             let levels = [&self.levels[l], &self.levels[l - 1]];
-            pyramid::add_up(context.simd(), levels, &coarser[0], &mut finer[l - 1]);
+            pyramid::add_up(context.simd(), levels, taps, &coarser[0], &mut finer[l - 1]);
         }
         let PlaneLevel { size, stride, .. } = self.levels[0];
+        let stride = self.number * stride;
         PlaneRows { size, stride, data: &mut self.planes[0][PAD * stride + PAD..] }
     }
 }
@@ -153,9 +196,10 @@ mod tests {
     #[test]
     fn memory_is_asked_for_before_it_is_taken() {
         let size = Size { width: 1 << 24, height: 1 << 24 };
-        let error = RasterCanvas::new(size, &mut Scratch::default(), &Context::SILENT.with_memory(&|| Some(1 << 30)))
-            .map(drop)
-            .unwrap_err();
+        let error =
+            RasterCanvas::new(size, 1, &mut Scratch::default(), &Context::SILENT.with_memory(&|| Some(1 << 30)))
+                .map(drop)
+                .unwrap_err();
         assert!(matches!(error, crate::Error::Memory { .. }));
     }
 }
