@@ -318,12 +318,12 @@ mod tests {
                 let moved = f64::from(step) * 0.25;
                 let [share, shift, change, _] = cut.moments([0.0; 2], -moved);
                 let wanted = [share, share * shift, share * (change + shift * shift)];
-                let found = fearless_simd::dispatch!(SimdLevel::new(), simd => {
+                let moments = fearless_simd::dispatch!(SimdLevel::new(), simd => {
                     slab.moments(simd, f32x8::splat(simd, moved as f32)).map(|m| f64::from(m[0]))
                 });
                 let largest = wanted.iter().fold(1e-7, |l: f64, w| l.max(w.abs()));
-                let worst = wanted.iter().zip(found).map(|(w, f)| (w - f).abs() / largest).fold(0.0, f64::max);
-                assert!(worst < 2e-4, "{ends:?} moved by {moved}: {wanted:?} {found:?}");
+                let worst = wanted.iter().zip(moments).map(|(w, f)| (w - f).abs() / largest).fold(0.0, f64::max);
+                assert!(worst < 2e-4, "{ends:?} moved by {moved}: {wanted:?} {moments:?}");
             }
         }
     }
