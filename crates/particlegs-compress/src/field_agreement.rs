@@ -111,7 +111,7 @@ impl FieldSelection<'_> {
             true => blocks.iter().map(|b| self.fields_of(b, &numbers, &shapes)).collect(),
             false => gather(blocks, &particles, &shapes, &read, context)?,
         };
-        let means = FieldMeans::new(blocks);
+        let means = FieldMeans::new(blocks, context);
         let runs = particles.len().div_ceil(RUN);
         for first in (0..runs).step_by(RUNS) {
             let parts = parallel::try_map(first..runs.min(first + RUNS), |run| {

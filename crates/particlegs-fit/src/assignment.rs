@@ -30,8 +30,8 @@ const PLAIN: Regularisation =
 /// numbered on from mixture to mixture.
 pub(crate) struct SoftAssignment {
     blocks: BlockFinder,
-    /// Inner nodes: axis, place of the cut, node below it, node above it. A child from `LEAVES` on is a leaf.
-    nodes: Vec<(u8, f64, u32, u32)>,
+    /// Inner nodes: axis, place of the cut, the nodes below and above it. A child from `LEAVES` on is a leaf.
+    nodes: Vec<(u8, f64, [u32; 2])>,
     leaves: Vec<AssignmentLeaf>,
     /// One for each mixture.
     roots: Vec<u32>,
@@ -116,7 +116,7 @@ fn reach(gaussians: &RefinedGaussians, range: Range<usize>) -> [[f64; 3]; 2] {
 
 impl SoftAssignment {
     /// Of mixtures whose particles lie in such `bounds`, which one mixture alone does without.
-    pub(crate) fn new(mixtures: &[&Mixture], bounds: &[Bounds]) -> Self {
+    pub(crate) fn new(mixtures: &[&Mixture], bounds: &[Bounds], simd: Level) -> Self {
         let mut all = RefinedGaussians::default();
         for m in mixtures {
             (0..m.len()).for_each(|i| all.push(m.mean_of(i), m.cov_of(i), m.count[i], 0.0));
@@ -129,7 +129,6 @@ impl SoftAssignment {
             *cov = cov.scale(scale).scale(scale);
             *cov = cov.add(&Sym3::scaled_identity(FLATTEST * cov.trace()));
         }
-        let simd = Level::new();
         let floor = Sym3::scaled_identity(FLOOR);
         let (mut nodes, mut leaves, mut roots, mut first) = (Vec::new(), Vec::new(), Vec::new(), 0);
         for m in mixtures {
@@ -169,8 +168,9 @@ impl SoftAssignment {
     fn leaf_of(&self, x: [f64; 3]) -> u32 {
         let (mut node, place) = (self.roots[self.block_of(x)], self.local(x));
         while node < LEAVES {
-            let (axis, cut, low, high) = self.nodes[node as usize];
-            node = if place[axis as usize] < cut { low } else { high };
+            let (axis, cut, children) = self.nodes[node as usize];
+            // No branch, which could not be foreseen.
+            node = children[usize::from(place[axis as usize] >= cut)];
         }
         node - LEAVES
     }
@@ -283,7 +283,7 @@ impl BlockFinder {
 
 struct CutTree<'a> {
     mean: &'a [[f64; 3]],
-    nodes: &'a mut Vec<(u8, f64, u32, u32)>,
+    nodes: &'a mut Vec<(u8, f64, [u32; 2])>,
     boxes: Vec<[[f64; 3]; 2]>,
     /// Leaves of other trees before these.
     leaves: usize,
@@ -311,10 +311,8 @@ impl CutTree<'_> {
         let [mut lower, mut upper] = [within; 2];
         (lower[1][axis], upper[0][axis]) = (cut, cut);
         let node = self.nodes.len();
-        self.nodes.push((axis as u8, cut, 0, 0));
-        let low = self.grow(low, lower);
-        let high = self.grow(high, upper);
-        (self.nodes[node].2, self.nodes[node].3) = (low, high);
+        self.nodes.push((axis as u8, cut, [0; 2]));
+        self.nodes[node].2 = [self.grow(low, lower), self.grow(high, upper)];
         node as u32
     }
 }
@@ -340,7 +338,7 @@ mod tests {
             let cov = Sym3::outer(a).add(&Sym3::outer(b)).add(&Sym3::scaled_identity(0.3)).scale(0.01);
             m.push(v(), cov, 1.0 + v()[0].abs() * 20.0, 0.0);
         }
-        let assignment = SoftAssignment::new(&[&m], &[]);
+        let assignment = SoftAssignment::new(&[&m], &[], Level::new());
         const POINTS: usize = 600;
         let place = |i: usize| {
             // A particle of one of the Gaussians.

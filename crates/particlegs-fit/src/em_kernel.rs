@@ -82,7 +82,7 @@ pub(crate) fn expect(
 }
 
 /// The share that a candidate has of a particle; both by their places in a group.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub(crate) struct GroupShare {
     pub(crate) candidate: u32,
     pub(crate) particle: u32,
@@ -120,10 +120,14 @@ fn assign_kernel<S: Simd>(
             for (v, vector) in vectors.iter().enumerate().filter(|(v, _)| active >> v & 1 == 1) {
                 let density = f32x16::load_array_ref(simd, &share[candidate * vectors.len() + v].0);
                 let lanes = <[f32; LANES]>::from(density * f32x16::load_array_ref(simd, &vector.norm.0));
-                for (lane, &share) in lanes.iter().enumerate().filter(|(_, share)| **share >= *least) {
+                let (mut found, mut count) = ([GroupShare::default(); LANES], 0);
+                for (lane, &share) in lanes.iter().enumerate() {
                     let particle = (first + v * LANES + lane) as u32;
-                    shares.push(GroupShare { candidate: candidate as u32, particle, share });
+                    found[count] = GroupShare { candidate: candidate as u32, particle, share };
+                    // No branch, which could not be foreseen.
+                    count += usize::from(share >= *least);
                 }
+                shares.extend_from_slice(&found[..count]);
             }
         }
     }

@@ -64,7 +64,7 @@ pub fn correlations(
     // Behind the columns of all fields may be that of how many particles each stands for.
     let pass = CorrelationPass {
         blocks,
-        assignment: assignment_of(blocks),
+        assignment: assignment_of(blocks, context),
         moments,
         scalars: scalars.iter().map(|&f| (f, columns[f])).collect(),
         number: first,

@@ -85,7 +85,7 @@ pub fn gather(
     read: &ReadValues<'_>,
     context: &Context<'_>,
 ) -> Result<Vec<Vec<BlockField>>> {
-    let assignment = assignment_of(blocks);
+    let assignment = assignment_of(blocks, context);
     let mut sums = Vec::<BlockFieldSums<'_>>::with_capacity(blocks.len());
     for block in blocks {
         let first = sums.last().map_or(0, |s| s.first + s.block.gaussians.len());
@@ -132,9 +132,9 @@ pub fn gather(
 }
 
 /// The assignment to the Gaussians of decoded blocks.
-pub(super) fn assignment_of(blocks: &[Block]) -> SoftAssignment {
+pub(super) fn assignment_of(blocks: &[Block], context: &Context<'_>) -> SoftAssignment {
     let mixtures: Vec<&Mixture> = blocks.iter().map(|b| &b.gaussians).collect();
-    SoftAssignment::new(&mixtures, &blocks.iter().map(|b| b.bounds).collect::<Vec<_>>())
+    SoftAssignment::new(&mixtures, &blocks.iter().map(|b| b.bounds).collect::<Vec<_>>(), context.simd())
 }
 
 /// Places of a run's particles.
@@ -168,8 +168,8 @@ pub struct FieldMeans<'a> {
 
 impl<'a> FieldMeans<'a> {
     /// Of blocks.
-    pub fn new(blocks: &'a [Block]) -> Self {
-        FieldMeans { blocks, assignment: assignment_of(blocks) }
+    pub fn new(blocks: &'a [Block], context: &Context<'_>) -> Self {
+        FieldMeans { blocks, assignment: assignment_of(blocks, context) }
     }
 
     /// Of each of the fields the mean of each component at each of the places; components beyond its own are 0.
@@ -253,7 +253,10 @@ struct FieldRun {
     /// Of each share the particle's place from the Gaussian's mean.
     offset: [Vec<f32>; 3],
     weight: Vec<f64>,
+    /// 0 where there is none.
     values: Vec<Vec<f64>>,
+    /// Of each field 0 where a particle has a value and NaN where it has none; empty where all have one.
+    lacking: Vec<Vec<f64>>,
     /// Number of particles that each stands for; empty where that is one.
     number: Vec<f64>,
     /// Of all the run's particles, for each block and field.
@@ -303,20 +306,32 @@ impl FieldRun {
         }
         let sorted = |column: Vec<f64>| shares.order.iter().map(|i| column[valued[*i as usize]]).collect::<Vec<f64>>();
         let number = values.split_off(columns).pop().map_or(Vec::new(), sorted);
-        let (weight, values) = (sorted(weight), values.into_iter().map(sorted).collect());
-        Ok(FieldRun { offset, weight, values, number, totals, particles: range.len(), shares })
+        let (weight, mut values) = (sorted(weight), values.into_iter().map(sorted).collect::<Vec<_>>());
+        let lacking = |field: &FieldSums| {
+            let marks: Vec<f64> = values[field.column].iter().map(|v| 0.0 * v).collect();
+            if marks.iter().any(|mark| mark.is_nan()) { marks } else { Vec::new() }
+        };
+        let lacking = blocks[0].fields.iter().map(lacking).collect();
+        // No NaN must reach the sums.
+        values.iter_mut().flatten().filter(|v| v.is_nan()).for_each(|v| *v = 0.0);
+        Ok(FieldRun { offset, weight, values, lacking, number, totals, particles: range.len(), shares })
     }
 
     fn bytes(&self) -> usize {
         let PlaceShares { order, particle, .. } = &self.shares;
-        4 * order.len() + 5 * size_of_val(&particle[..]) + 8 * (self.values.len() + 2) * order.len()
+        4 * order.len()
+            + 5 * size_of_val(&particle[..])
+            + 8 * (self.values.len() + self.lacking.len() + 2) * order.len()
     }
 
     /// Shares by place, times how likely each particle's value of a field is in the Gaussian, scaled to a sum of 1 for
     /// each particle; 0 without a value.
     fn weighed(&self, blocks: &[BlockFieldSums<'_>], field: usize, simd: Level) -> Vec<f32> {
-        let mut logs = vec![0.0; self.shares.particle.len()];
-        for block in blocks {
+        let mut logs = match &self.lacking[field][..] {
+            [] => vec![0.0; self.shares.particle.len()],
+            lacking => self.shares.particle.iter().map(|p| lacking[*p as usize]).collect(),
+        };
+        for block in blocks.iter().filter(|b| !b.fields[field].likelihoods.is_empty()) {
             dispatch!(simd, simd => match block.fields[field].components {
                 1 => self.log_likelihoods::<_, 1>(simd, block, field, &mut logs),
                 _ => self.log_likelihoods::<_, 3>(simd, block, field, &mut logs),
@@ -325,8 +340,7 @@ impl FieldRun {
         self.shares.weighed(&logs, simd)
     }
 
-    /// The logarithms of how likely values are in a block's Gaussians, given the places, for each share; NaN without a
-    /// value, else 0 in the first pass.
+    /// Adds the logarithms of how likely values are in a block's Gaussians, given the places, for each share.
     #[inline(always)]
     fn log_likelihoods<S: Simd, const C: usize>(
         &self,
@@ -336,13 +350,6 @@ impl FieldRun {
         logs: &mut [f64],
     ) {
         let field = &block.fields[field];
-        if field.likelihoods.is_empty() {
-            let all = self.shares.of_range(block.first..block.first + block.block.gaussians.len());
-            let values = &self.values[field.column];
-            let particle = self.shares.particle[all.clone()].iter();
-            logs[all].iter_mut().zip(particle).for_each(|(log, p)| *log = 0.0 * values[*p as usize]);
-            return;
-        }
         for (i, l) in field.likelihoods.iter().enumerate() {
             let range = self.shares.of(block.first + i);
             for start in range.clone().step_by(LANES) {
@@ -370,7 +377,7 @@ impl FieldRun {
                     <[f64; LANES]>::from(f64x8::splat(simd, l.log) - square * 0.5)
                 };
                 let logs = &mut logs[start..range.end.min(start + LANES)];
-                logs.copy_from_slice(&log[..logs.len()]);
+                logs.iter_mut().zip(log).for_each(|(sum, log)| *sum += log);
             }
         }
     }
@@ -391,10 +398,7 @@ impl FieldRun {
             let lanes = start..range.end.min(start + LANES);
             let particle = &self.shares.particle[lanes.clone()];
             let share = loaded(simd, &weighed[lanes.clone()]);
-            // Particles without a value have no share: their NaN must not reach the sums.
-            let valued = share.simd_gt(zero);
-            let ShareVector { place, mut value } = ShareVector::<S, C>::new(simd, self, column, lanes);
-            value.iter_mut().for_each(|v| *v = valued.select(*v, zero));
+            let ShareVector { place, value } = ShareVector::<S, C>::new(simd, self, column, lanes);
             let w = share * gathered(simd, &self.weight, particle);
             total[0] += if self.number.is_empty() { share } else { share * gathered(simd, &self.number, particle) };
             total[1] += w;
@@ -419,7 +423,7 @@ impl FieldRun {
                 }
             }
             if logarithmic {
-                total[product] += w * valued.select(gathered(simd, &self.values[column + 1], particle), zero);
+                total[product] += w * gathered(simd, &self.values[column + 1], particle);
             }
         }
         for (sum, lanes) in row.iter_mut().zip(total) {

@@ -44,7 +44,7 @@ pub fn track_gaussians(
     context.check()?;
     let local = particles.local_bounds();
     let store = ParticleStore::new(particles, &local);
-    let assignment = SoftAssignment::new(&[start], &[]);
+    let assignment = SoftAssignment::new(&[start], &[], context.simd());
     let mut owner = vec![0u32; store.len()];
     parallel::for_each_chunk(&mut owner, STEP, |c, owner| {
         let places = store.xyz[c * STEP..][..owner.len()].iter().map(|p| store.to_world(p.map(f64::from)));
@@ -83,14 +83,14 @@ pub struct MixtureAssignment {
 
 impl MixtureAssignment {
     /// Prepares the assignment to these mixtures.
-    pub fn new(mixtures: &[Mixture]) -> Self {
+    pub fn new(mixtures: &[Mixture], context: &Context<'_>) -> Self {
         let mut all = Mixture::new(false);
         let ends = mixtures.iter().map(|m| {
             all.append(m);
             all.len() as u32
         });
         let ends = ends.collect();
-        MixtureAssignment { assignment: SoftAssignment::new(&[&all], &[]), ends }
+        MixtureAssignment { assignment: SoftAssignment::new(&[&all], &[], context.simd()), ends }
     }
 
     /// The mixture of each particle of a chunk whose coordinates begin at `origin`.

@@ -186,7 +186,7 @@ impl SeriesBuilder {
         if starts.len() < 2 {
             return Ok(vec![particles]);
         }
-        let (assignment, origin) = (MixtureAssignment::new(starts), particles.origin);
+        let (assignment, origin) = (MixtureAssignment::new(starts, context), particles.origin);
         let blocks_of = |chunk: &Chunk<'_>| assignment.mixtures_of(chunk, origin);
         divide(&particles, starts.len(), &blocks_of, &self.options.storage, context)
     }
