@@ -107,6 +107,7 @@ impl ModelSeries {
 #[pyo3(from_item_all)]
 pub struct FrameOptions {
     keyframe_interval: usize,
+    certify_changes: bool,
     frames: Option<String>,
     align: Option<String>,
     overwrite: bool,
@@ -129,6 +130,7 @@ pub fn make_series(
     let options = SeriesOptions {
         compress: compress.options(&choice.options())?,
         keyframe_interval: frames.keyframe_interval,
+        certify_changes: frames.certify_changes,
         frames: frames.frames.map(|text| text.parse()).transpose().or_raise()?,
         align: frames.align,
         replace: frames.overwrite,

@@ -35,9 +35,9 @@ pub struct FitArgs {
     /// Particle opacity to store as the default, in (0, 1] [default: 0.05].
     #[arg(long, value_name = "A", hide_short_help = true)]
     opacity: Option<f64>,
-    /// How much to measure on the decoded model and store in the file.
-    #[arg(long, value_name = "LEVEL", default_value = "quick", value_parser = named::<CertificateLevel>())]
-    certificate: CertificateLevel,
+    /// How much to measure on the decoded model and store in the file [default: quick].
+    #[arg(long, value_name = "LEVEL", value_parser = named::<CertificateLevel>())]
+    pub certificate: Option<CertificateLevel>,
     /// Fields to store as well, such as velocity, or `all`.
     ///
     /// Names are those that `info` lists, case aside; `velocity` also finds Velocities, or vx, vy and vz. Velocities of
@@ -73,7 +73,7 @@ impl FitArgs {
             opacity: self.opacity,
             training: self.train.config()?,
             seed,
-            certificate: self.certificate,
+            certificate: self.certificate.unwrap_or_default(),
             fields: self.fields.clone(),
             star_forming: self.star_forming,
             ..Options::default()

@@ -111,19 +111,25 @@ impl FieldSelection<'_> {
             true => blocks.iter().map(|b| self.fields_of(b, &numbers, &shapes)).collect(),
             false => gather(blocks, &particles, &shapes, &read, context)?,
         };
-        let means = FieldMeans::new(blocks);
+        let means = FieldMeans::new(blocks, context);
         let runs = particles.len().div_ceil(RUN);
         for first in (0..runs).step_by(RUNS) {
             let parts = parallel::try_map(first..runs.min(first + RUNS), |run| {
                 context.check()?;
-                let (mut values, mut buffer, mut shares) = (Vec::new(), ChunkBuffer::default(), Vec::new());
+                let (mut values, mut buffer) = (Vec::new(), ChunkBuffer::default());
                 self.read(index, run as u64, &mut values)?;
                 let start = run * RUN;
                 let chunk = particles.chunk(start..particles.len().min(start + RUN), &mut buffer);
+                // The model's means are looked at where they were not gathered from: in the second half.
+                let is_second = |place: &Option<FieldPlace>| place.is_some_and(|p| p.half == 1);
+                let place = |i: usize| each_axis(|k| particles.origin[k] + f64::from(chunk.position[k][i]));
+                let second: Vec<usize> = (0..chunk.len()).filter(|i| is_second(&places[run][*i])).collect();
+                let model_means = means.at(&gathered, &second.iter().map(|i| place(*i)).collect::<Vec<_>>());
+                let mut seconds = 0..;
                 let mut contributions = Vec::with_capacity(chunk.len() * shapes.len());
                 for (i, place) in places[run].iter().enumerate() {
                     let Some(FieldPlace { cell, half }) = *place else { continue };
-                    let x = each_axis(|k| particles.origin[k] + f64::from(chunk.position[k][i]));
+                    let second = if half == 1 { seconds.next() } else { None };
                     let weight = chunk.weight.map_or(1.0, |w| f64::from(w[i]));
                     let mut column = 0;
                     for (field, (number, shape)) in numbers.iter().zip(&shapes).enumerate() {
@@ -134,8 +140,7 @@ impl FieldSelection<'_> {
                         }
                         let mut cell_sums = FieldCellSums::default();
                         cell_sums[half] = weight;
-                        // The model's means are looked at where they were not gathered from: in the second half.
-                        let mean = if half == 1 { means.at(&gathered, field, x, &mut shares) } else { [0.0; 3] };
+                        let mean = second.map_or([0.0; 3], |place: usize| model_means[field][place]);
                         // The layout is that of `FieldCellSums`.
                         for c in 0..shape.components {
                             cell_sums[2 + 3 * c + half] = weight * values[first + c][i];

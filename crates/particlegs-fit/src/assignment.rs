@@ -1,10 +1,16 @@
-//! Shares of a particle in the Gaussians: soft responsibilities of a mixture that is fixed.
+//! Shares of particles in the Gaussians: soft responsibilities of mixtures that are fixed. Particles are sorted by the
+//! leaves of a tree of the means, and the fit's kernel takes a leaf at a time.
 
+use super::em::{CountingSort, RefinedGaussians, Regularisation, Whitening};
+use super::em_kernel::{self, GroupShare, KernelScratch, ParticleGroup};
 use super::overlap_tree::{Ellipsoid, OverlapSearch, OverlapTree, SearchReach};
-use fearless_simd::Level;
-use particlegs_core::math::{Sym3, each_axis};
+use super::prior::Prior;
+use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
+use particlegs_core::math::{Sym3, each_axis, exp2};
 use particlegs_core::model::Mixture;
 use particlegs_core::parallel;
+use particlegs_core::space::Bounds;
+use std::ops::Range;
 
 /// Gaussians in a leaf of the tree of means, and candidates that its particles have.
 const LEAF: usize = 2;
@@ -12,155 +18,301 @@ const CANDIDATES: SearchReach = SearchReach { most: 24, beyond: 24.0 };
 /// Standard deviations that Gaussians reach.
 const REACH: f64 = 3.0;
 /// Smaller shares are left out.
-const LEAST_SHARE: f64 = 1.0 / 1024.0;
-/// Variances no smaller than this part of the largest.
+const LEAST_SHARE: f32 = 1.0 / 1024.0;
+/// Added to all variances: this part of their sum, and this part of the square of the whole extent, so that none is 0.
 const FLATTEST: f64 = 1e-12;
+const FLOOR: f64 = 1e-18;
+/// Responsibilities as they are.
+const PLAIN: Regularisation =
+    Regularisation { floor: FLOOR, focus: 0.0, blur: 0.0, prior: Prior::REFINED, stride: 1.0 };
 
-/// A tree of the Gaussians' means whose leaves know which Gaussians their particles can belong to.
+/// Trees of the means of mixtures, whose leaves know which Gaussians their particles can belong to. Gaussians are
+/// numbered on from mixture to mixture.
 pub(crate) struct SoftAssignment {
-    /// Inner nodes: axis, place of the cut, node below it, node above it. A child from `LEAVES` on is a leaf.
-    nodes: Vec<(u8, f64, u32, u32)>,
-    leaves: Vec<Vec<u32>>,
-    root: u32,
-    densities: Vec<LogDensity>,
+    blocks: BlockFinder,
+    /// Inner nodes: axis, place of the cut, the nodes below and above it. A child from `LEAVES` on is a leaf.
+    nodes: Vec<(u8, f64, [u32; 2])>,
+    leaves: Vec<AssignmentLeaf>,
+    /// One for each mixture.
+    roots: Vec<u32>,
+    whitened: Vec<Whitening>,
+    /// Trees and Gaussians have coordinates `(world - origin) * scale`.
+    origin: [f64; 3],
+    scale: f64,
+    simd: Level,
 }
 
 const LEAVES: u32 = 1 << 31;
 
-/// The logarithm of a Gaussian's density: `log - 0.5 |t (x - mean)|^2`, t lower triangular.
-#[derive(Clone, Copy)]
-struct LogDensity {
-    mean: [f64; 3],
-    inverse: [f64; 6],
-    log: f64,
+struct AssignmentLeaf {
+    centre: [f32; 3],
+    candidates: Vec<u32>,
 }
 
-impl LogDensity {
-    fn new(m: &Mixture, i: usize) -> Self {
-        let cov = sound(&m.cov_of(i));
-        let inverse = cov.inverse().unwrap_or(Sym3::scaled_identity(0.0));
-        let log = libm::log(m.count[i].max(1e-300)) - 0.5 * libm::log(cov.det().max(f64::MIN_POSITIVE));
-        LogDensity { mean: m.mean_of(i), inverse: inverse.0, log }
+/// Shares of particles, Gaussian by Gaussian.
+pub(crate) struct PlaceShares {
+    /// The particles in an order in which neighbours stand together.
+    pub(crate) order: Vec<u32>,
+    /// Where the shares of each Gaussian begin; one more at the end.
+    start: Vec<usize>,
+    /// Place of each share's particle in the order.
+    pub(crate) particle: Vec<u32>,
+    /// The shares of a particle sum to 1.
+    pub(crate) share: Vec<f32>,
+}
+
+impl PlaceShares {
+    /// The shares of a Gaussian.
+    pub(crate) fn of(&self, gaussian: usize) -> Range<usize> {
+        self.of_range(gaussian..gaussian + 1)
     }
 
-    #[inline(always)]
-    fn at(&self, x: [f64; 3]) -> f64 {
-        let d: [f64; 3] = each_axis(|k| x[k] - self.mean[k]);
-        let [xx, xy, xz, yy, yz, zz] = self.inverse;
-        let q = d[0] * (xx * d[0] + 2.0 * (xy * d[1] + xz * d[2]))
-            + d[1] * (yy * d[1] + 2.0 * yz * d[2])
-            + zz * d[2] * d[2];
-        self.log - 0.5 * q
+    /// The shares of Gaussians.
+    pub(crate) fn of_range(&self, gaussians: Range<usize>) -> Range<usize> {
+        self.start[gaussians.start]..self.start[gaussians.end]
+    }
+
+    /// The shares times how likely something else is in each Gaussian, given by its logarithm (NaN counts for nothing),
+    /// scaled to a sum of 1 for each particle.
+    pub(crate) fn weighed(&self, logs: &[f64], simd: Level) -> Vec<f32> {
+        let entries = || self.particle.iter().map(|p| *p as usize);
+        // Relative to a particle's largest: what is far from all Gaussians would have densities of 0.
+        let mut largest = vec![f64::NEG_INFINITY; self.order.len()];
+        entries().zip(logs).for_each(|(p, log)| largest[p] = largest[p].max(*log));
+        let mut weighed: Vec<f32> =
+            entries().zip(logs).map(|(p, log)| ((log - largest[p]) * std::f64::consts::LOG2_E) as f32).collect();
+        dispatch!(simd, simd => exponentials(simd, &mut weighed));
+        let mut sum = vec![0.0f32; self.order.len()];
+        for (((p, weighed), share), log) in entries().zip(&mut weighed).zip(&self.share).zip(logs) {
+            *weighed = if *log > f64::NEG_INFINITY { *weighed * share } else { 0.0 };
+            sum[p] += *weighed;
+        }
+        entries().zip(&mut weighed).filter(|(_, w)| **w > 0.0).for_each(|(p, w)| *w /= sum[p]);
+        weighed
+    }
+}
+
+/// Powers of two of numbers.
+#[inline(always)]
+fn exponentials<S: Simd>(simd: S, values: &mut [f32]) {
+    for values in values.chunks_mut(16) {
+        let mut lanes = [0.0; 16];
+        lanes[..values.len()].copy_from_slice(values);
+        let lanes = <[f32; 16]>::from(exp2(simd, f32x16::load_array_ref(simd, &lanes)));
+        values.copy_from_slice(&lanes[..values.len()]);
     }
 }
 
 /// The box that the Gaussians reach to: where particles can be.
-fn reach(m: &Mixture) -> [[f64; 3]; 2] {
-    let variance = [&m.cov[0], &m.cov[3], &m.cov[5]];
+fn reach(gaussians: &RefinedGaussians, range: Range<usize>) -> [[f64; 3]; 2] {
     let end = |k: usize, side: f64, furthest: fn(f64, f64) -> f64| {
-        let ends = m.mean[k].iter().zip(variance[k]).map(|(x, v)| x + side * REACH * v.max(0.0).sqrt());
+        let ends = range
+            .clone()
+            .map(|i| gaussians.mean[i][k] + side * REACH * gaussians.cov[i].0[[0, 3, 5][k]].max(0.0).sqrt());
         ends.reduce(furthest).unwrap_or(0.0)
     };
     [each_axis(|k| end(k, -1.0, f64::min)), each_axis(|k| end(k, 1.0, f64::max))]
 }
 
-/// A covariance without variances of 0.
-fn sound(cov: &Sym3) -> Sym3 {
-    let mut eigen = cov.eigen();
-    let least = (FLATTEST * eigen.values[0]).max(f64::MIN_POSITIVE);
-    if eigen.values[2] > least {
-        return *cov;
+impl SoftAssignment {
+    /// Of mixtures whose particles lie in such `bounds`, which one mixture alone does without.
+    pub(crate) fn new(mixtures: &[&Mixture], bounds: &[Bounds], simd: Level) -> Self {
+        let mut all = RefinedGaussians::default();
+        for m in mixtures {
+            (0..m.len()).for_each(|i| all.push(m.mean_of(i), m.cov_of(i), m.count[i], 0.0));
+        }
+        let [origin, high] = reach(&all, 0..all.len());
+        let extent = (0..3).map(|k| high[k] - origin[k]).fold(0.0, f64::max);
+        let scale = if extent > 0.0 { libm::exp2(-libm::log2(extent).ceil()) } else { 1.0 };
+        for (mean, cov) in all.mean.iter_mut().zip(&mut all.cov) {
+            *mean = each_axis(|k| (mean[k] - origin[k]) * scale);
+            *cov = cov.scale(scale).scale(scale);
+            *cov = cov.add(&Sym3::scaled_identity(FLATTEST * cov.trace()));
+        }
+        let floor = Sym3::scaled_identity(FLOOR);
+        let (mut nodes, mut leaves, mut roots, mut first) = (Vec::new(), Vec::new(), Vec::new(), 0);
+        for m in mixtures {
+            let range = first..first + m.len();
+            let ellipsoids: Vec<Ellipsoid> = parallel::map_range(m.len(), |i| {
+                Ellipsoid::new(all.mean[first + i], all.cov[first + i].add(&floor), m.count[i])
+            });
+            let tree = OverlapTree::new(&ellipsoids, simd);
+            let mut order: Vec<u32> = tree.order().iter().map(|i| first as u32 + i).collect();
+            let mut cuts = CutTree { mean: &all.mean, nodes: &mut nodes, boxes: Vec::new(), leaves: leaves.len() };
+            roots.push(cuts.grow(&mut order, reach(&all, range)));
+            let boxes = cuts.boxes;
+            leaves.extend(parallel::map_range(boxes.len(), |leaf| {
+                let mut search = OverlapSearch::default();
+                let [low, high] = boxes[leaf];
+                let centre = each_axis(|k| 0.5 * (low[k] + high[k]));
+                let [x, y, z] = each_axis(|k| (high[k] - low[k]).powi(2) / 12.0 + FLOOR);
+                tree.nearest(&Ellipsoid::new(centre, Sym3([x, 0.0, 0.0, y, 0.0, z]), 1.0), CANDIDATES, &mut search);
+                let candidates = search.neighbours.iter().map(|f| first as u32 + f.1).collect();
+                AssignmentLeaf { centre: centre.map(|v| v as f32), candidates }
+            }));
+            first += m.len();
+        }
+        let whitened = parallel::map_range(all.len(), |j| Whitening::new(&all, j, PLAIN));
+        SoftAssignment { blocks: BlockFinder::new(bounds), nodes, leaves, roots, whitened, origin, scale, simd }
     }
-    eigen.values = eigen.values.map(|v| v.max(least));
-    Sym3::from_eigen(&eigen)
+
+    /// The mixture whose bounds a place lies in.
+    pub(crate) fn block_of(&self, x: [f64; 3]) -> usize {
+        self.blocks.block_of(x)
+    }
+
+    fn local(&self, x: [f64; 3]) -> [f64; 3] {
+        each_axis(|k| (x[k] - self.origin[k]) * self.scale)
+    }
+
+    fn leaf_of(&self, x: [f64; 3]) -> u32 {
+        let (mut node, place) = (self.roots[self.block_of(x)], self.local(x));
+        while node < LEAVES {
+            let (axis, cut, children) = self.nodes[node as usize];
+            // No branch, which could not be foreseen.
+            node = children[usize::from(place[axis as usize] >= cut)];
+        }
+        node - LEAVES
+    }
+
+    /// Gives the particles of each leaf as a group, its candidates and its range in the order that is returned.
+    fn by_leaf(&self, places: &[[f64; 3]], mut each: impl FnMut(&ParticleGroup<'_>, &[u32], Range<usize>)) -> Vec<u32> {
+        let leaf_of_each: Vec<u32> = places.iter().map(|x| self.leaf_of(*x)).collect();
+        let CountingSort { start, order } = CountingSort::new(&leaf_of_each, self.leaves.len());
+        let (mut points, mut whitened) = (Vec::new(), Vec::new());
+        for (number, AssignmentLeaf { centre, candidates }) in self.leaves.iter().enumerate() {
+            let range = start[number]..start[number + 1];
+            if range.is_empty() {
+                continue;
+            }
+            let about_centre = |i: &u32| {
+                let place = self.local(places[*i as usize]);
+                each_axis(|k| (place[k] - f64::from(centre[k])) as f32)
+            };
+            points.clear();
+            points.extend(order[range.clone()].iter().map(about_centre));
+            whitened.clear();
+            whitened.extend(candidates.iter().map(|j| self.whitened[*j as usize].about(*centre)));
+            let group = ParticleGroup { points: &points, weight: None, centre: [0.0; 3], candidates: &whitened };
+            each(&group, candidates, range);
+        }
+        order
+    }
+
+    /// The shares of particles; none where there is no Gaussian.
+    pub(crate) fn shares(&self, places: &[[f64; 3]]) -> PlaceShares {
+        let (mut scratch, mut found) = (KernelScratch::default(), Vec::<GroupShare>::new());
+        let mut shares = Vec::<GroupShare>::with_capacity(4 * places.len());
+        let mut sum = vec![0.0f32; places.len()];
+        let order = self.by_leaf(places, |group, candidates, range| {
+            found.clear();
+            em_kernel::assign(self.simd, group, &mut scratch, &mut [], Some((LEAST_SHARE, &mut found)));
+            for &GroupShare { candidate, particle, share } in &found {
+                let (candidate, particle) = (candidates[candidate as usize], range.start as u32 + particle);
+                sum[particle as usize] += share;
+                shares.push(GroupShare { candidate, particle, share });
+            }
+        });
+        let gaussians: Vec<u32> = shares.iter().map(|s| s.candidate).collect();
+        let CountingSort { start, order: by_gaussian } = CountingSort::new(&gaussians, self.whitened.len());
+        let sorted = by_gaussian.iter().map(|i| shares[*i as usize]);
+        let (particle, share) = sorted.map(|s| (s.particle, s.share / sum[s.particle as usize])).unzip();
+        PlaceShares { order, start, particle, share }
+    }
+
+    /// The Gaussian that each particle is likeliest to have; 0 where there is none.
+    pub(crate) fn likeliest(&self, places: &[[f64; 3]]) -> Vec<u32> {
+        let (mut scratch, mut sorted) = (KernelScratch::default(), vec![0; places.len()]);
+        let order = self.by_leaf(places, |group, candidates, range| {
+            let owner = &mut sorted[range];
+            em_kernel::assign(self.simd, group, &mut scratch, owner, None);
+            owner.iter_mut().for_each(|n| *n = candidates.get(*n as usize).copied().unwrap_or(0));
+        });
+        let mut likeliest = vec![0; places.len()];
+        order.iter().zip(sorted).for_each(|(i, gaussian)| likeliest[*i as usize] = gaussian);
+        likeliest
+    }
 }
 
-impl SoftAssignment {
-    pub(crate) fn new(m: &Mixture) -> Self {
-        let ellipsoids: Vec<Ellipsoid> =
-            parallel::map_range(m.len(), |i| Ellipsoid::new(m.mean_of(i), sound(&m.cov_of(i)), m.count[i]));
-        let tree = OverlapTree::new(&ellipsoids, Level::new());
-        let mut order: Vec<u32> = tree.order().to_vec();
-        let mut cuts = CutTree { mean: &m.mean, nodes: Vec::new(), boxes: Vec::new() };
-        let root = cuts.grow(&mut order, reach(m));
-        let leaves = parallel::map_range(cuts.boxes.len(), |leaf| {
-            let mut search = OverlapSearch::default();
-            let (low, high) = cuts.boxes[leaf];
-            let center = each_axis(|k| 0.5 * (low[k] + high[k]));
-            let [x, y, z] = each_axis(|k| ((high[k] - low[k]) * (high[k] - low[k]) / 12.0).max(f64::MIN_POSITIVE));
-            tree.nearest(&Ellipsoid::new(center, Sym3([x, 0.0, 0.0, y, 0.0, z]), 1.0), CANDIDATES, &mut search);
-            search.neighbours.into_iter().map(|f| f.1).collect()
-        });
-        let densities = parallel::map_range(m.len(), |i| LogDensity::new(m, i));
-        SoftAssignment { nodes: cuts.nodes, leaves, root, densities }
+/// Finds the block whose bounds a place lies in: the first of those that meet its cell of a grid.
+struct BlockFinder {
+    bounds: Vec<Bounds>,
+    low: [f64; 3],
+    cells_per_length: [f64; 3],
+    cells: Vec<Vec<u32>>,
+}
+
+impl BlockFinder {
+    const SIDE: usize = 16;
+
+    fn new(bounds: &[Bounds]) -> Self {
+        let low = each_axis(|k| bounds.iter().map(|b| b.min[k]).fold(f64::INFINITY, f64::min));
+        let high: [f64; 3] = each_axis(|k| bounds.iter().map(|b| b.max[k]).fold(f64::NEG_INFINITY, f64::max));
+        let cells_per_length = each_axis(|k| Self::SIDE as f64 / (high[k] - low[k]));
+        let mut finder = BlockFinder { bounds: bounds.to_vec(), low, cells_per_length, cells: Vec::new() };
+        if bounds.len() > 1 {
+            finder.cells.resize(Self::SIDE.pow(3), Vec::new());
+            for (number, b) in bounds.iter().enumerate() {
+                let [from, to] = [b.min, b.max].map(|x| finder.cell(x));
+                for (x, y) in (from[0]..=to[0]).flat_map(|x| (from[1]..=to[1]).map(move |y| (x, y))) {
+                    for z in from[2]..=to[2] {
+                        finder.cells[(x * Self::SIDE + y) * Self::SIDE + z].push(number as u32);
+                    }
+                }
+            }
+        }
+        finder
     }
 
-    /// The shares of a particle, which sum to 1; none where there is no Gaussian.
-    #[inline]
-    pub(crate) fn shares(&self, x: [f64; 3], shares: &mut Vec<(u32, f64)>) {
-        shares.clear();
-        let mut node = self.root;
-        while node < LEAVES {
-            let (axis, cut, low, high) = self.nodes[node as usize];
-            node = if x[axis as usize] < cut { low } else { high };
-        }
-        let Some(candidates) = self.leaves.get((node - LEAVES) as usize) else { return };
-        let mut largest = f64::NEG_INFINITY;
-        for &i in candidates {
-            let log = self.densities[i as usize].at(x);
-            largest = largest.max(log);
-            shares.push((i, log));
-        }
-        let mut sum = 0.0;
-        for s in shares.iter_mut() {
-            s.1 = libm::exp(s.1 - largest);
-            sum += s.1;
-        }
-        shares.retain(|s| s.1 >= LEAST_SHARE * sum);
-        let kept_sum: f64 = shares.iter().map(|s| s.1).sum();
-        shares.iter_mut().for_each(|s| s.1 /= kept_sum);
+    fn cell(&self, x: [f64; 3]) -> [usize; 3] {
+        // Without an extent a place is NaN cells from the first, which is 0 as a whole number.
+        [0, 1, 2]
+            .map(|k| ((x[k] - self.low[k]) * self.cells_per_length[k]).clamp(0.0, Self::SIDE as f64 - 1.0) as usize)
     }
 
-    /// The Gaussian that a particle is likeliest to have; 0 where there is none.
-    pub(crate) fn likeliest(&self, x: [f64; 3], shares: &mut Vec<(u32, f64)>) -> u32 {
-        self.shares(x, shares);
-        shares.iter().fold((0, 0.0), |best, s| if s.1 > best.1 { *s } else { best }).0
+    fn block_of(&self, x: [f64; 3]) -> usize {
+        if self.bounds.len() < 2 {
+            return 0;
+        }
+        let [i, j, k] = self.cell(x);
+        let is_in = |b: &Bounds| (0..3).all(|k| b.min[k] <= x[k] && x[k] <= b.max[k]);
+        let mut blocks = self.cells[(i * Self::SIDE + j) * Self::SIDE + k].iter().map(|b| *b as usize);
+        blocks.find(|b| is_in(&self.bounds[*b])).unwrap_or(0)
     }
 }
 
 struct CutTree<'a> {
-    mean: &'a [Vec<f64>; 3],
-    nodes: Vec<(u8, f64, u32, u32)>,
-    boxes: Vec<([f64; 3], [f64; 3])>,
+    mean: &'a [[f64; 3]],
+    nodes: &'a mut Vec<(u8, f64, [u32; 2])>,
+    boxes: Vec<[[f64; 3]; 2]>,
+    /// Leaves of other trees before these.
+    leaves: usize,
 }
 
 impl CutTree<'_> {
     /// Grows the tree over the Gaussians of `order` in a box; the node's number.
     fn grow(&mut self, order: &mut [u32], within: [[f64; 3]; 2]) -> u32 {
         let ends = |k: usize| {
-            let means = order.iter().map(|&i| self.mean[k][i as usize]);
+            let means = order.iter().map(|&i| self.mean[i as usize][k]);
             means.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)))
         };
         let ends = [ends(0), ends(1), ends(2)];
         let axis = (0..3).fold(0, |a, k| if ends[k].1 - ends[k].0 > ends[a].1 - ends[a].0 { k } else { a });
         if order.len() <= LEAF || ends[axis].1 <= ends[axis].0 {
-            self.boxes.push((within[0], within[1]));
-            return LEAVES + self.boxes.len() as u32 - 1;
+            self.boxes.push(within);
+            return LEAVES + (self.leaves + self.boxes.len()) as u32 - 1;
         }
         let middle = order.len() / 2;
-        let mean = &self.mean[axis];
-        order.select_nth_unstable_by(middle, |&i, &j| mean[i as usize].total_cmp(&mean[j as usize]).then(i.cmp(&j)));
-        let above = mean[order[middle] as usize];
-        let below = order[..middle].iter().map(|&i| mean[i as usize]).fold(f64::NEG_INFINITY, f64::max);
-        let cut = 0.5 * (above + below);
+        let mean = |i: &u32| self.mean[*i as usize][axis];
+        order.select_nth_unstable_by(middle, |i, j| mean(i).total_cmp(&mean(j)).then(i.cmp(j)));
+        let below = order[..middle].iter().map(mean).fold(f64::NEG_INFINITY, f64::max);
+        let cut = 0.5 * (mean(&order[middle]) + below);
         let (low, high) = order.split_at_mut(middle);
         let [mut lower, mut upper] = [within; 2];
         (lower[1][axis], upper[0][axis]) = (cut, cut);
         let node = self.nodes.len();
-        self.nodes.push((axis as u8, cut, 0, 0));
-        let low = self.grow(low, lower);
-        let high = self.grow(high, upper);
-        (self.nodes[node].2, self.nodes[node].3) = (low, high);
+        self.nodes.push((axis as u8, cut, [0; 2]));
+        self.nodes[node].2 = [self.grow(low, lower), self.grow(high, upper)];
         node as u32
     }
 }
@@ -169,6 +321,12 @@ impl CutTree<'_> {
 mod tests {
     use super::*;
     use particlegs_core::math::Random;
+
+    /// The logarithm of a Gaussian's density, f64.
+    fn log_density(m: &Mixture, i: usize, x: [f64; 3]) -> f64 {
+        let (cov, d) = (m.cov_of(i), each_axis(|k| x[k] - m.mean[k][i]));
+        m.count[i].ln() - 0.5 * cov.det().ln() - 0.5 * cov.inverse().unwrap().quadratic(d)
+    }
 
     #[test]
     fn shares_are_those_of_all_gaussians() {
@@ -180,26 +338,52 @@ mod tests {
             let cov = Sym3::outer(a).add(&Sym3::outer(b)).add(&Sym3::scaled_identity(0.3)).scale(0.01);
             m.push(v(), cov, 1.0 + v()[0].abs() * 20.0, 0.0);
         }
-        let assignment = SoftAssignment::new(&m);
-        let mut shares = Vec::new();
-        let (mut worst, mut sum) = (0.0f64, 0.0);
-        const POINTS: u64 = 600;
-        for i in 0..POINTS {
+        let assignment = SoftAssignment::new(&[&m], &[], Level::new());
+        const POINTS: usize = 600;
+        let place = |i: usize| {
             // A particle of one of the Gaussians.
-            let (mut r, gaussian) = (Random::new(6, 0, i), i as usize % m.len());
+            let (mut r, gaussian) = (Random::new(6, 0, i as u64), i % m.len());
             let eigen = m.cov_of(gaussian).eigen();
             let z = eigen.values.map(|v| v.sqrt() * r.normal());
-            let x = each_axis(|k| m.mean[k][gaussian] + (0..3).map(|a| eigen.vectors[a][k] * z[a]).sum::<f64>());
-            assignment.shares(x, &mut shares);
-            assert!((shares.iter().map(|s| s.1).sum::<f64>() - 1.0).abs() < 1e-12);
-            let logs: Vec<f64> = (0..m.len()).map(|k| LogDensity::new(&m, k).at(x)).collect();
+            each_axis(|k| m.mean[k][gaussian] + (0..3).map(|a| eigen.vectors[a][k] * z[a]).sum::<f64>())
+        };
+        let places: Vec<[f64; 3]> = (0..POINTS).map(place).collect();
+        let (shares, likeliest) = (assignment.shares(&places), assignment.likeliest(&places));
+        let mut found = vec![[0.0; 300]; POINTS];
+        for gaussian in 0..m.len() {
+            for s in shares.of(gaussian) {
+                found[shares.order[shares.particle[s] as usize] as usize][gaussian] = f64::from(shares.share[s]);
+            }
+        }
+        let (mut worst, mut sum) = (0.0f64, 0.0);
+        for (i, found) in found.iter().enumerate() {
+            assert!((found.iter().sum::<f64>() - 1.0).abs() < 1e-6);
+            let logs: Vec<f64> = (0..m.len()).map(|k| log_density(&m, k, places[i])).collect();
             let top = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             let all: f64 = logs.iter().map(|l| (l - top).exp()).sum();
-            let share_of = |k: usize| shares.iter().find(|s| s.0 == k as u32).map_or(0.0, |s| s.1);
-            let missed = (0..m.len()).map(|k| ((logs[k] - top).exp() / all - share_of(k)).abs()).fold(0.0, f64::max);
+            let missed = (0..m.len()).map(|k| ((logs[k] - top).exp() / all - found[k]).abs()).fold(0.0, f64::max);
             (worst, sum) = (worst.max(missed), sum + missed);
+            let most = found.iter().copied().fold(0.0, f64::max);
+            assert!(found[likeliest[i] as usize] > most - 1e-6);
         }
         let mean = sum / POINTS as f64;
         assert!(mean < 0.003 && worst < 0.25, "{mean} {worst}");
+    }
+
+    #[test]
+    fn a_place_belongs_to_the_first_block_that_holds_it() {
+        let block = |i: u64| {
+            let mut r = Random::new(7, 0, i);
+            let (corner, size) = ([r.normal(), r.normal(), 2.0], [r.uniform(), 3.0 * r.uniform(), 0.0]);
+            Bounds { min: corner, max: each_axis(|k| corner[k] + size[k]) }
+        };
+        let bounds: Vec<Bounds> = (0..60).map(block).collect();
+        let finder = BlockFinder::new(&bounds);
+        for i in 0..1000 {
+            let mut r = Random::new(8, 0, i);
+            let x = [r.normal(), r.normal(), 2.0];
+            let is_in = |b: &Bounds| (0..3).all(|k| b.min[k] <= x[k] && x[k] <= b.max[k]);
+            assert_eq!(finder.block_of(x), bounds.iter().position(is_in).unwrap_or(0));
+        }
     }
 }

@@ -320,7 +320,7 @@ fn split_by_groups<'a>(
 }
 
 /// A Gaussian's whitening transforms in f64, to be placed relative to a group.
-struct Whitening {
+pub(crate) struct Whitening {
     mean: [f64; 3],
     rows: [f32; 6],
     focus: [f32; 6],
@@ -328,14 +328,14 @@ struct Whitening {
 }
 
 impl Whitening {
-    fn new(g: &RefinedGaussians, j: usize, shape: Regularisation) -> Self {
+    pub(crate) fn new(g: &RefinedGaussians, j: usize, shape: Regularisation) -> Self {
         let (rows, det) = whiten(&g.cov[j], shape.floor, 1.0);
         let (focus, _) = whiten(&g.cov[j], shape.floor + shape.blur, shape.focus);
         let level = libm::log2(g.count[j].max(1e-30)) - libm::log2(det);
         Whitening { mean: g.mean[j], rows, focus, level: level as f32 }
     }
 
-    fn about(&self, centre: [f32; 3]) -> WhitenedGaussian {
+    pub(crate) fn about(&self, centre: [f32; 3]) -> WhitenedGaussian {
         let mean = each_axis(|k| (self.mean[k] - f64::from(centre[k])) as f32);
         WhitenedGaussian { mean, rows: self.rows, focus: self.focus, level: self.level }
     }
@@ -485,14 +485,14 @@ fn nonnegative(mut cov: Sym3) -> Sym3 {
 }
 
 /// Places sorted by a key below a number; those of one key keep their order, so that sums over them do.
-struct CountingSort {
+pub(crate) struct CountingSort {
     /// The beginning of each key's places; one more at the end.
-    start: Vec<usize>,
-    order: Vec<u32>,
+    pub(crate) start: Vec<usize>,
+    pub(crate) order: Vec<u32>,
 }
 
 impl CountingSort {
-    fn new(keys: &[u32], below: usize) -> Self {
+    pub(crate) fn new(keys: &[u32], below: usize) -> Self {
         let mut start = vec![0usize; below + 1];
         keys.iter().for_each(|&key| start[key as usize + 1] += 1);
         (0..below).for_each(|key| start[key + 1] += start[key]);

@@ -1,10 +1,11 @@
-//! The E step of one group of particles, vectorised over particles.
+//! The E step of one group of particles, vectorised over particles, and its first half: the particles' shares alone.
 //!
 //! Sixteen particles stand in one vector; every level does the same operations in the same order
 //! (no fused multiply-add), so the sums are the same bits with and without vector instructions.
 
 use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 use particlegs_core::math::exp2;
+use std::ops::Range;
 
 /// Particles in one vector.
 const LANES: usize = 16;
@@ -80,6 +81,71 @@ pub(crate) fn expect(
     dispatch!(level, simd => kernel(simd, group, scratch, sums, owner, likelihood))
 }
 
+/// The share that a candidate has of a particle; both by their places in a group.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct GroupShare {
+    pub(crate) candidate: u32,
+    pub(crate) particle: u32,
+    pub(crate) share: f32,
+}
+
+/// The first half of [`expect`]: names each particle's likeliest candidate in `owner` where that is asked for, and adds
+/// the particles' shares of at least `least`, candidate by candidate, to `shares` where these are.
+pub(crate) fn assign(
+    level: Level,
+    group: &ParticleGroup<'_>,
+    scratch: &mut KernelScratch,
+    owner: &mut [u32],
+    shares: Option<(f32, &mut Vec<GroupShare>)>,
+) {
+    dispatch!(level, simd => assign_kernel(simd, group, scratch, owner, shares));
+}
+
+#[inline(always)]
+fn assign_kernel<S: Simd>(
+    simd: S,
+    group: &ParticleGroup<'_>,
+    scratch: &mut KernelScratch,
+    owner: &mut [u32],
+    mut shares: Option<(f32, &mut Vec<GroupShare>)>,
+) {
+    for first in (0..group.points.len()).step_by(RUN) {
+        let run = first..group.points.len().min(first + RUN);
+        scratch.load(group, run.clone());
+        let owner = if owner.is_empty() { &mut [] } else { &mut owner[run] };
+        responsibilities(simd, group.candidates, scratch, owner, None);
+        let Some((least, shares)) = &mut shares else { continue };
+        let KernelScratch { vectors, share, active } = &*scratch;
+        for (candidate, active) in active.iter().enumerate() {
+            for (v, vector) in vectors.iter().enumerate().filter(|(v, _)| active >> v & 1 == 1) {
+                let density = f32x16::load_array_ref(simd, &share[candidate * vectors.len() + v].0);
+                let lanes = <[f32; LANES]>::from(density * f32x16::load_array_ref(simd, &vector.norm.0));
+                let (mut found, mut count) = ([GroupShare::default(); LANES], 0);
+                for (lane, &share) in lanes.iter().enumerate() {
+                    let particle = (first + v * LANES + lane) as u32;
+                    found[count] = GroupShare { candidate: candidate as u32, particle, share };
+                    // No branch, which could not be foreseen.
+                    count += usize::from(share >= *least);
+                }
+                shares.extend_from_slice(&found[..count]);
+            }
+        }
+    }
+}
+
+impl KernelScratch {
+    /// Takes a run of a group's particles as vectors.
+    #[inline(always)]
+    fn load(&mut self, group: &ParticleGroup<'_>, run: Range<usize>) {
+        self.vectors.clear();
+        for start in run.clone().step_by(LANES) {
+            let lanes = start..run.end.min(start + LANES);
+            let weight = group.weight.map(|w| &w[lanes.clone()]);
+            self.vectors.push(ParticleVector::new(&group.points[lanes], weight, group.centre));
+        }
+    }
+}
+
 #[inline(always)]
 fn kernel<S: Simd>(
     simd: S,
@@ -89,18 +155,14 @@ fn kernel<S: Simd>(
     owner: &mut [u32],
     likelihood: bool,
 ) -> f64 {
-    let &ParticleGroup { points, weight, centre, candidates } = group;
+    let &ParticleGroup { points, candidates, .. } = group;
     let k = candidates.len();
     // A group of one run needs no sums in f64: those of its run are the result.
     let mut total = vec![[0f64; SUMS]; if points.len() > RUN { k } else { 0 }];
     let mut log_likelihood = likelihood.then_some(0.0);
     for first in (0..points.len()).step_by(RUN) {
         let run = first..points.len().min(first + RUN);
-        scratch.vectors.clear();
-        for start in run.clone().step_by(LANES) {
-            let lanes = start..run.end.min(start + LANES);
-            scratch.vectors.push(ParticleVector::new(&points[lanes.clone()], weight.map(|w| &w[lanes]), centre));
-        }
+        scratch.load(group, run.clone());
         let owner = if owner.is_empty() { &mut [] } else { &mut owner[run] };
         responsibilities(simd, candidates, scratch, owner, log_likelihood.as_mut());
         let KernelScratch { vectors, share, active } = &*scratch;

@@ -1,12 +1,12 @@
 //! Correlations between the scalar fields of a decoded model's Gaussians, about their means at each place: one more
 //! pass over the particles, after that of [`super::gather`].
 
-use super::assignment::SoftAssignment;
-use super::field_moments::{BlockField, FieldShape, ReadValues, block_of};
+use super::assignment::{PlaceShares, SoftAssignment};
+use super::field_moments::{BlockField, FieldShape, ReadValues, assignment_of, places_of};
+use fearless_simd::Level;
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
 use particlegs_core::model::{Block, FieldMoments};
-use particlegs_core::space::Bounds;
 use particlegs_core::{Result, parallel};
 use particlegs_files::memory::require;
 use particlegs_particles::{ChunkBuffer, Particles, RUN};
@@ -64,8 +64,7 @@ pub fn correlations(
     // Behind the columns of all fields may be that of how many particles each stands for.
     let pass = CorrelationPass {
         blocks,
-        bounds: blocks.iter().map(|b| b.bounds).collect(),
-        assignments: blocks.iter().map(|b| SoftAssignment::new(&b.gaussians)).collect(),
+        assignment: assignment_of(blocks, context),
         moments,
         scalars: scalars.iter().map(|&f| (f, columns[f])).collect(),
         number: first,
@@ -79,17 +78,16 @@ pub fn correlations(
             context.check()?;
             let mut values = Vec::new();
             read(run as u64, &mut values)?;
-            Ok::<_, particlegs_core::Error>(pass.residuals(particles, run, &values))
+            Ok::<_, particlegs_core::Error>(pass.residuals(particles, run, &values, context.simd()))
         })?;
         // Every Gaussian's rows are one task's, which adds the runs in their order: threads change no sum.
-        for (block, sums) in sums.iter_mut().enumerate() {
+        let mut gaussians = 0;
+        for (block, sums) in blocks.iter().zip(&mut sums) {
             parallel::for_each_chunk(sums, pairs.len() * RANGE, |task, rows| {
-                let first = (task * RANGE) as u32;
-                let last = first + (rows.len() / pairs.len()) as u32;
-                batch
-                    .iter()
-                    .for_each(|run| run.add_to(rows, &pairs, (block as u32, first..last), (fields.len(), within)));
+                let first = gaussians + task * RANGE;
+                batch.iter().for_each(|run| run.add_to(rows, &pairs, first, (fields.len(), within)));
             });
+            gaussians += block.gaussians.len();
         }
         context.advance(batch.iter().map(|r| r.particles as u64).sum());
     }
@@ -100,8 +98,7 @@ pub fn correlations(
 /// Inputs from which residuals are computed.
 struct CorrelationPass<'a> {
     blocks: &'a [Block],
-    bounds: Vec<Bounds>,
-    assignments: Vec<SoftAssignment>,
+    assignment: SoftAssignment,
     moments: &'a [Vec<BlockField>],
     /// The scalars' places in the list, and their columns.
     scalars: Vec<(usize, usize)>,
@@ -109,74 +106,53 @@ struct CorrelationPass<'a> {
     number: usize,
 }
 
-/// Shares of a run's particles, sorted by block and Gaussian.
+/// Shares of a run's particles.
 struct RunResiduals {
+    /// The run's first particle, and their number.
+    first: usize,
     particles: usize,
-    shares: Vec<ParticleShare>,
+    shares: PlaceShares,
     /// For each share the difference of each field from its mean; NaN where there is no value.
     residuals: Vec<f64>,
-}
-
-/// The share of a particle in a Gaussian.
-struct ParticleShare {
-    block: u32,
-    gaussian: u32,
-    particle: usize,
-    /// The place of its residuals.
-    place: usize,
-    number: f64,
-    weight: f64,
+    /// For each share the number of particles, and their weight.
+    parts: Vec<[f64; 2]>,
 }
 
 impl CorrelationPass<'_> {
-    fn residuals(&self, particles: &Particles, run: usize, values: &[Vec<f64>]) -> RunResiduals {
+    fn residuals(&self, particles: &Particles, run: usize, values: &[Vec<f64>], simd: Level) -> RunResiduals {
         let mut buffer = ChunkBuffer::default();
-        let start = run * RUN;
-        let chunk = particles.chunk(start..particles.len().min(start + RUN), &mut buffer);
+        let first = run * RUN;
+        let chunk = particles.chunk(first..particles.len().min(first + RUN), &mut buffer);
         let fields = self.moments.first().map_or(0, Vec::len);
-        let (mut out, mut particle_shares) = (Vec::with_capacity(3 * chunk.len()), Vec::new());
-        let mut residuals = Vec::with_capacity(3 * chunk.len() * fields);
-        for i in 0..chunk.len() {
-            let x: [f64; 3] = each_axis(|k| particles.origin[k] + f64::from(chunk.position[k][i]));
-            let block = block_of(&self.bounds, x);
-            self.assignments[block].shares(x, &mut particle_shares);
-            let g = &self.blocks[block].gaussians;
-            let first = residuals.len();
-            for (gaussian, share) in &mut particle_shares {
-                let j = *gaussian as usize;
-                let d: [f64; 3] = each_axis(|k| x[k] - g.mean[k][j]);
-                let begin = residuals.len();
-                // NaN stays where a field is no scalar.
-                residuals.resize(begin + fields, f64::NAN);
-                // Shares by place are weighed by how likely the values are, as in the moments' passes.
-                *share = libm::log(*share);
+        let places = places_of(particles, &chunk);
+        let shares = self.assignment.shares(&places);
+        // NaN stays where a field is no scalar.
+        let mut residuals = vec![f64::NAN; fields * shares.particle.len()];
+        // Shares by place are weighed by how likely the values are, as in the moments' passes.
+        let mut logs = vec![0.0; shares.particle.len()];
+        let gaussians =
+            self.blocks.iter().zip(self.moments).flat_map(|(b, m)| (0..b.gaussians.len()).map(move |j| (b, m, j)));
+        for (number, (block, moments, j)) in gaussians.enumerate() {
+            for s in shares.of(number) {
+                let i = shares.order[shares.particle[s] as usize] as usize;
+                let d: [f64; 3] = each_axis(|k| places[i][k] - block.gaussians.mean[k][j]);
                 for &(field, column) in &self.scalars {
-                    let moments = &self.moments[block][field].moments;
+                    let moments = &moments[field].moments;
                     let off = values[column][i] - moments.mean_at(0, j, d);
-                    residuals[begin + field] = off;
+                    residuals[fields * s + field] = off;
                     if !off.is_nan() {
-                        *share += log_density(moments, j, off);
+                        logs[s] += log_density(moments, j, off);
                     }
                 }
             }
-            // Relative to the largest, so that not all shares of a particle vanish.
-            let largest = particle_shares.iter().fold(f64::NEG_INFINITY, |l, s| l.max(s.1));
-            particle_shares.iter_mut().for_each(|s| s.1 = libm::exp(s.1 - largest));
-            let total: f64 = particle_shares.iter().map(|s| s.1).sum();
-            let number = values.get(self.number).map_or(1.0, |n| n[i]);
-            let weight = chunk.weight.map_or(1.0, |w| f64::from(w[i]));
-            out.extend(particle_shares.iter().enumerate().map(|(k, &(gaussian, share))| ParticleShare {
-                block: block as u32,
-                gaussian,
-                particle: start + i,
-                place: first + k * fields,
-                number: share / total * number,
-                weight: share / total * weight,
-            }));
         }
-        // A stable sort: a Gaussian's particles keep their order, and so do the sums over them.
-        out.sort_by_key(|s| (s.block, s.gaussian));
-        RunResiduals { particles: chunk.len(), shares: out, residuals }
+        let part = |(share, p): (f32, &u32)| {
+            let i = shares.order[*p as usize] as usize;
+            let number = values.get(self.number).map_or(1.0, |n| n[i]);
+            [number, chunk.weight.map_or(1.0, |w| f64::from(w[i]))].map(|v| f64::from(share) * v)
+        };
+        let parts = shares.weighed(&logs, simd).into_iter().zip(&shares.particle).map(part).collect();
+        RunResiduals { first, particles: chunk.len(), shares, residuals, parts }
     }
 }
 
@@ -193,28 +169,29 @@ fn log_density(moments: &FieldMoments, i: usize, off: f64) -> f64 {
 }
 
 impl RunResiduals {
-    /// Adds to the rows of some Gaussians of a block.
+    /// Adds to the rows of some Gaussians, from the `first` on.
     fn add_to(
         &self,
         rows: &mut [PairSums],
         pairs: &[[usize; 2]],
-        (block, range): (u32, std::ops::Range<u32>),
+        first: usize,
         (fields, within): (usize, Option<&WithinParticle<'_>>),
     ) {
-        let place = |gaussian: u32| self.shares.partition_point(|s| (s.block, s.gaussian) < (block, gaussian));
-        for share in &self.shares[place(range.start)..place(range.end)] {
-            let residuals = &self.residuals[share.place..][..fields];
-            let rows = &mut rows[(share.gaussian - range.start) as usize * pairs.len()..][..pairs.len()];
-            for (row, &[a, b]) in rows.iter_mut().zip(pairs) {
-                let (x, y) = (residuals[a], residuals[b]);
-                if x.is_nan() || y.is_nan() {
-                    continue;
+        for (gaussian, rows) in rows.chunks_exact_mut(pairs.len()).enumerate() {
+            for s in self.shares.of(first + gaussian) {
+                let residuals = &self.residuals[fields * s..][..fields];
+                let particle = self.first + self.shares.order[self.shares.particle[s] as usize] as usize;
+                for (row, &[a, b]) in rows.iter_mut().zip(pairs) {
+                    let (x, y) = (residuals[a], residuals[b]);
+                    if x.is_nan() || y.is_nan() {
+                        continue;
+                    }
+                    let inside = |p, q| within.map_or(0.0, |within| within(particle, [p, q]));
+                    let products = [x * x + inside(a, a), y * y + inside(b, b), x * y + inside(a, b)];
+                    let [n, w] = self.parts[s];
+                    let terms = [n, w, w * x, w * y, w * products[0], w * products[1], w * products[2]];
+                    row.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
                 }
-                let inside = |p, q| within.map_or(0.0, |within| within(share.particle, [p, q]));
-                let products = [x * x + inside(a, a), y * y + inside(b, b), x * y + inside(a, b)];
-                let (n, w) = (share.number, share.weight);
-                let terms = [n, w, w * x, w * y, w * products[0], w * products[1], w * products[2]];
-                row.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
             }
         }
     }
@@ -252,6 +229,7 @@ mod tests {
     use crate::gather;
     use particlegs_core::math::{Random, Sym3};
     use particlegs_core::model::Mixture;
+    use particlegs_core::space::Bounds;
 
     /// Two clouds; in one the fields rise together, in the other one falls as the other rises.
     #[test]

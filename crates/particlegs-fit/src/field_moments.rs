@@ -1,12 +1,12 @@
 //! Moments of what particles carry, gathered for the Gaussians of a decoded model in one pass over the particles.
 
-use super::assignment::SoftAssignment;
+use super::assignment::{PlaceShares, SoftAssignment};
+use fearless_simd::{Level, Simd, dispatch, f64x8, prelude::*};
 use particlegs_core::context::Context;
 use particlegs_core::math::{Sym3, each_axis};
 use particlegs_core::model::{Block, FieldMoments, Mixture, Quantity, QuantityKind};
-use particlegs_core::space::Bounds;
 use particlegs_core::{Error, Result, parallel};
-use particlegs_particles::{ChunkBuffer, Particles, RUN};
+use particlegs_particles::{Chunk, ChunkBuffer, Particles, RUN};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -24,7 +24,7 @@ const SPREAD_PRIOR: f64 = 0.5;
 const MOST_EXPLAINED_OF_LOGARITHMS: f64 = 0.25;
 /// Passes over the particles.
 const PASSES: usize = 4;
-/// Bytes of shares by place that are held from pass to pass: as much as refinement held before.
+/// Bytes of shares and values that are held from pass to pass: as much as refinement held before.
 const HELD: usize = 240 << 20;
 /// Shares at least, where particles are weighed by them: a Gaussian in which few were of a class may have more.
 const LEAST_SHARE: f64 = 1e-3;
@@ -72,12 +72,6 @@ impl<'a> FieldShape<'a> {
 /// for several, a column of how many. A logarithmic field has two: the logarithm of the value, and the value.
 pub type ReadValues<'a> = dyn Fn(u64, &mut Vec<Vec<f64>>) -> Result<()> + Sync + 'a;
 
-/// The block whose bounds a place lies in.
-pub(super) fn block_of(bounds: &[Bounds], x: [f64; 3]) -> usize {
-    let within = |b: &Bounds| (0..3).all(|k| b.min[k] <= x[k] && x[k] <= b.max[k]);
-    if bounds.len() == 1 { 0 } else { bounds.iter().position(within).unwrap_or(0) }
-}
-
 /// Gathers `fields` for the decoded `blocks` of one layer, whose particles these are. Gives
 /// the fields of each block. Particles weigh by their masses, where they have weights.
 ///
@@ -91,48 +85,43 @@ pub fn gather(
     read: &ReadValues<'_>,
     context: &Context<'_>,
 ) -> Result<Vec<Vec<BlockField>>> {
-    let columns: usize = fields.iter().map(FieldShape::columns).sum();
-    let mut sums: Vec<BlockFieldSums> = blocks.iter().map(|b| BlockFieldSums::new(b, fields)).collect();
-    let bounds: Vec<Bounds> = blocks.iter().map(|b| b.bounds).collect();
+    let assignment = assignment_of(blocks, context);
+    let mut sums = Vec::<BlockFieldSums<'_>>::with_capacity(blocks.len());
+    for block in blocks {
+        let first = sums.last().map_or(0, |s| s.first + s.block.gaussians.len());
+        sums.push(BlockFieldSums::new(block, first, fields));
+    }
     let runs = particles.len().div_ceil(RUN);
-    let mut cached_shares: Vec<Option<Arc<PlaceShares>>> = vec![None; runs];
+    let mut held_runs: Vec<Option<Arc<FieldRun>>> = vec![None; runs];
     let mut bytes_left = HELD;
     context.begin("fields", (PASSES * particles.len()) as u64);
     for pass in 0..PASSES {
         for first in (0..runs).step_by(RUNS) {
-            let batch: Vec<RunShares> = parallel::try_map(first..runs.min(first + RUNS), |run_number| {
-                context.check()?;
-                let range = run_number * RUN..particles.len().min((run_number + 1) * RUN);
-                let mut values = Vec::new();
-                read(run_number as u64, &mut values)?;
-                // Particles that stand for several have one column more.
-                let expected = [columns, columns + 1].contains(&values.len());
-                if !expected || values.iter().any(|v| v.len() != range.len()) {
-                    return Err(Error::input(
-                        "fields",
-                        "a field has another number of values than there are particles",
-                    ));
-                }
-                check_finite(fields, &values, range.start)?;
-                let number = values.split_off(columns).pop().unwrap_or_default();
-                let run = RunValues { values, number, ..RunValues::new(particles, range) };
-                let place = cached_shares[run_number].clone();
-                let place = place.unwrap_or_else(|| Arc::new(PlaceShares::new(&run, &bounds, &sums)));
-                Ok(RunShares::new(place, run, &sums))
-            })?;
-            // Shares by place are the same in every pass: those that fit into the bound are kept for the next.
-            for (entry, shares) in cached_shares[first..].iter_mut().zip(&batch).filter(|(entry, _)| entry.is_none()) {
-                let bytes = shares.place.bytes();
-                if bytes <= bytes_left {
-                    bytes_left -= bytes;
-                    *entry = Some(shares.place.clone());
+            let batch: Vec<(Arc<FieldRun>, Vec<Vec<f32>>)> =
+                parallel::try_map(first..runs.min(first + RUNS), |number| {
+                    context.check()?;
+                    let run = match &held_runs[number] {
+                        Some(run) => run.clone(),
+                        None => Arc::new(FieldRun::new(number, particles, (fields, read), &sums, &assignment)?),
+                    };
+                    let weighed = (0..fields.len()).map(|field| run.weighed(&sums, field, context.simd())).collect();
+                    Ok::<_, Error>((run, weighed))
+                })?;
+            // Shares by place and values are the same in every pass: those that fit into the bound are kept for the next.
+            for (entry, (run, _)) in held_runs[first..].iter_mut().zip(&batch).filter(|(entry, _)| entry.is_none()) {
+                if run.bytes() <= bytes_left {
+                    bytes_left -= run.bytes();
+                    *entry = Some(run.clone());
                 }
             }
             // Every row adds the runs in their order, so that sums do not depend on threads.
             for (number, block) in sums.iter_mut().enumerate() {
-                block.add(number as u32, &batch);
+                block.add(&batch, context.simd());
+                if pass == 0 {
+                    batch.iter().for_each(|(run, _)| block.add_totals(&run.totals[number * fields.len()..]));
+                }
             }
-            context.advance(batch.iter().map(|r| r.run.weight.len() as u64).sum());
+            context.advance(batch.iter().map(|(run, _)| run.particles as u64).sum());
         }
         if pass + 1 < PASSES {
             sums.iter_mut().for_each(BlockFieldSums::next_pass);
@@ -140,6 +129,17 @@ pub fn gather(
     }
     context.end();
     Ok(sums.into_iter().map(BlockFieldSums::finish).collect())
+}
+
+/// The assignment to the Gaussians of decoded blocks.
+pub(super) fn assignment_of(blocks: &[Block], context: &Context<'_>) -> SoftAssignment {
+    let mixtures: Vec<&Mixture> = blocks.iter().map(|b| &b.gaussians).collect();
+    SoftAssignment::new(&mixtures, &blocks.iter().map(|b| b.bounds).collect::<Vec<_>>(), context.simd())
+}
+
+/// Places of a run's particles.
+pub(super) fn places_of(particles: &Particles, chunk: &Chunk<'_>) -> Vec<[f64; 3]> {
+    (0..chunk.len()).map(|i| each_axis(|k| particles.origin[k] + f64::from(chunk.position[k][i]))).collect()
 }
 
 /// Refuses values that are no numbers; `first` is the particle of the first.
@@ -163,38 +163,43 @@ pub fn value_fault(field: &str, particle: usize, value: f64) -> Error {
 /// The means of fields at places, by the Gaussians of the blocks that they were gathered for.
 pub struct FieldMeans<'a> {
     blocks: &'a [Block],
-    bounds: Vec<Bounds>,
-    assignments: Vec<SoftAssignment>,
+    assignment: SoftAssignment,
 }
 
 impl<'a> FieldMeans<'a> {
     /// Of blocks.
-    pub fn new(blocks: &'a [Block]) -> Self {
-        let assignments = blocks.iter().map(|b| SoftAssignment::new(&b.gaussians)).collect();
-        FieldMeans { blocks, bounds: blocks.iter().map(|b| b.bounds).collect(), assignments }
+    pub fn new(blocks: &'a [Block], context: &Context<'_>) -> Self {
+        FieldMeans { blocks, assignment: assignment_of(blocks, context) }
     }
 
-    /// The mean of each component at a place, of the field number `field` in each block; `shares` is scratch space.
-    pub fn at(&self, fields: &[Vec<BlockField>], field: usize, x: [f64; 3], shares: &mut Vec<(u32, f64)>) -> [f64; 3] {
-        let number = block_of(&self.bounds, x);
-        self.assignments[number].shares(x, shares);
-        let (g, moments) = (&self.blocks[number].gaussians, &fields[number][field].moments);
-        let mut mean = [0.0; 3];
-        for &(i, share) in shares.iter() {
-            let d = each_axis(|k| x[k] - g.mean[k][i as usize]);
-            // Slopes of few particles reach far: values that are drawn stay within the range, too.
-            for (c, [least, largest]) in moments.range.iter().enumerate() {
-                mean[c] += share * moments.mean_at(c, i as usize, d).clamp(*least, *largest);
+    /// Of each of the fields the mean of each component at each of the places; components beyond its own are 0.
+    pub fn at(&self, fields: &[Vec<BlockField>], places: &[[f64; 3]]) -> Vec<Vec<[f64; 3]>> {
+        let shares = self.assignment.shares(places);
+        let mut means = vec![vec![[0.0; 3]; places.len()]; fields.first().map_or(0, Vec::len)];
+        let gaussians =
+            self.blocks.iter().zip(fields).flat_map(|(b, f)| (0..b.gaussians.len()).map(move |i| (b, f, i)));
+        for (number, (block, fields, i)) in gaussians.enumerate() {
+            for s in shares.of(number) {
+                let place = shares.order[shares.particle[s] as usize] as usize;
+                let d = each_axis(|k| places[place][k] - block.gaussians.mean[k][i]);
+                for (means, BlockField { moments, .. }) in means.iter_mut().zip(fields) {
+                    // Slopes of few particles reach far: values that are drawn stay within the range, too.
+                    for (c, [least, largest]) in moments.range.iter().enumerate() {
+                        means[place][c] +=
+                            f64::from(shares.share[s]) * moments.mean_at(c, i, d).clamp(*least, *largest);
+                    }
+                }
             }
         }
-        mean
+        means
     }
 }
 
 /// Sums over a block's particles, Gaussian by Gaussian.
 struct BlockFieldSums<'a> {
     block: &'a Block,
-    assignment: SoftAssignment,
+    /// The number of its first Gaussian among those of all blocks.
+    first: usize,
     fields: Vec<FieldSums>,
 }
 
@@ -208,10 +213,7 @@ struct FieldSums {
     /// A row for each Gaussian: number and weight; weighted place from the mean and its products; values, products of
     /// values with places, products of values; the values themselves where these are logarithms.
     rows: Vec<f64>,
-    /// Weighted sum, least and largest value of each component.
-    all: Vec<[f64; 3]>,
-    /// Weights of all particles, and of those that have a value.
-    weights: [f64; 2],
+    totals: FieldTotals,
     /// Densities by the moments of the pass before, one a Gaussian; empty in the first pass.
     likelihoods: Vec<FieldLikelihood>,
 }
@@ -225,128 +227,260 @@ struct FieldLikelihood {
     log: f64,
 }
 
-/// Places, weights and values of a run's particles.
-struct RunValues {
-    position: [Vec<f64>; 3],
+/// Sums over particles of a block, whichever Gaussians they belong to.
+#[derive(Clone, Copy)]
+struct FieldTotals {
+    /// Weighted sum, least and largest value of each component.
+    all: [[f64; 3]; 3],
+    /// Weights of all particles, and of those that have a value.
+    weights: [f64; 2],
+}
+
+impl FieldTotals {
+    const NONE: FieldTotals = FieldTotals { all: [[0.0, f64::INFINITY, f64::NEG_INFINITY]; 3], weights: [0.0; 2] };
+
+    fn add(&mut self, other: &FieldTotals) {
+        for (a, b) in self.all.iter_mut().zip(&other.all) {
+            *a = [a[0] + b[0], a[1].min(b[1]), a[2].max(b[2])];
+        }
+        (0..2).for_each(|k| self.weights[k] += other.weights[k]);
+    }
+}
+
+/// A run's particles that have values, in the order of their shares, and these.
+struct FieldRun {
+    shares: PlaceShares,
+    /// Of each share the particle's place from the Gaussian's mean.
+    offset: [Vec<f32>; 3],
     weight: Vec<f64>,
+    /// 0 where there is none.
     values: Vec<Vec<f64>>,
+    /// Of each field 0 where a particle has a value and NaN where it has none; empty where all have one.
+    lacking: Vec<Vec<f64>>,
     /// Number of particles that each stands for; empty where that is one.
     number: Vec<f64>,
+    /// Of all the run's particles, for each block and field.
+    totals: Vec<FieldTotals>,
+    /// All of the run.
+    particles: usize,
 }
 
-/// A particle's share of a Gaussian.
-struct PlaceShare {
-    block: u32,
-    gaussian: u32,
-    /// Of the run.
-    particle: u32,
-    share: f32,
-}
-
-/// Shares of a run's particles by their places.
-struct PlaceShares {
-    /// By block, Gaussian, particle.
-    shares: Vec<PlaceShare>,
-    /// The block of each particle.
-    block: Vec<u32>,
-}
-
-/// Shares of a run's particles by their places and values.
-struct RunShares {
-    place: Arc<PlaceShares>,
-    run: RunValues,
-    /// For each field, one for each of the shares by place.
-    shares: Vec<Vec<f32>>,
-}
-
-impl RunValues {
-    fn new(particles: &Particles, range: Range<usize>) -> Self {
+impl FieldRun {
+    fn new(
+        run_number: usize,
+        particles: &Particles,
+        (fields, read): (&[FieldShape<'_>], &ReadValues<'_>),
+        blocks: &[BlockFieldSums<'_>],
+        assignment: &SoftAssignment,
+    ) -> Result<FieldRun> {
+        let range = run_number * RUN..particles.len().min((run_number + 1) * RUN);
         let mut buffer = ChunkBuffer::default();
         let chunk = particles.chunk(range.clone(), &mut buffer);
-        let position = [0, 1, 2].map(|k| {
-            let origin = particles.origin[k];
-            chunk.position[k].iter().map(|&v| origin + f64::from(v)).collect::<Vec<f64>>()
-        });
-        let weight = match chunk.weight {
-            Some(w) => w.iter().map(|&w| f64::from(w)).collect(),
-            None => vec![1.0; range.len()],
-        };
-        RunValues { position, weight, values: Vec::new(), number: Vec::new() }
-    }
-
-    fn place(&self, i: usize) -> [f64; 3] {
-        each_axis(|k| self.position[k][i])
-    }
-}
-
-impl PlaceShares {
-    /// Of particles that have a value of some field.
-    fn new(run: &RunValues, bounds: &[Bounds], blocks: &[BlockFieldSums<'_>]) -> Self {
-        let particles = run.weight.len();
-        let (mut shares, mut particle_shares) = (Vec::with_capacity(3 * particles), Vec::new());
-        let mut block = Vec::with_capacity(particles);
-        for i in 0..particles {
-            let x = run.place(i);
-            let number = block_of(bounds, x);
-            block.push(number as u32);
-            if !blocks[number].fields.iter().any(|f| f.has_value(run, i)) {
-                continue;
-            }
-            blocks[number].assignment.shares(x, &mut particle_shares);
-            let entry = |&(gaussian, share): &(u32, f64)| PlaceShare {
-                block: number as u32,
-                gaussian,
-                particle: i as u32,
-                share: share as f32,
-            };
-            shares.extend(particle_shares.iter().map(entry));
+        let (columns, mut values) = (fields.iter().map(FieldShape::columns).sum(), Vec::new());
+        read(run_number as u64, &mut values)?;
+        // Particles that stand for several have one column more.
+        if ![columns, columns + 1].contains(&values.len()) || values.iter().any(|v| v.len() != range.len()) {
+            return Err(Error::input("fields", "a field has another number of values than there are particles"));
         }
-        shares.sort_unstable_by_key(|s| (s.block, s.gaussian, s.particle));
-        shares.shrink_to_fit();
-        PlaceShares { shares, block }
+        check_finite(fields, &values, range.start)?;
+        let weight = chunk.weight.map_or(vec![1.0; range.len()], |w| w.iter().map(|w| f64::from(*w)).collect());
+        let mut places = places_of(particles, &chunk);
+        let mut totals = vec![FieldTotals::NONE; blocks.len() * fields.len()];
+        for (i, x) in places.iter().enumerate() {
+            let totals = &mut totals[assignment.block_of(*x) * fields.len()..];
+            blocks[0].fields.iter().zip(totals).for_each(|(field, totals)| field.add_to(totals, &values, i, weight[i]));
+        }
+        let has_value = |i: &usize| blocks[0].fields.iter().any(|f| !values[f.column][*i].is_nan());
+        let valued: Vec<usize> = (0..range.len()).filter(has_value).collect();
+        if valued.len() < range.len() {
+            places = valued.iter().map(|i| places[*i]).collect();
+        }
+        let shares = assignment.shares(&places);
+        let mut offset = [(); 3].map(|()| Vec::with_capacity(shares.particle.len()));
+        for block in blocks {
+            let g = &block.block.gaussians;
+            for (i, s) in (0..g.len()).flat_map(|i| shares.of(block.first + i).map(move |s| (i, s))) {
+                let place = places[shares.order[shares.particle[s] as usize] as usize];
+                (0..3).for_each(|k| offset[k].push((place[k] - g.mean[k][i]) as f32));
+            }
+        }
+        let sorted = |column: Vec<f64>| shares.order.iter().map(|i| column[valued[*i as usize]]).collect::<Vec<f64>>();
+        let number = values.split_off(columns).pop().map_or(Vec::new(), sorted);
+        let (weight, mut values) = (sorted(weight), values.into_iter().map(sorted).collect::<Vec<_>>());
+        let lacking = |field: &FieldSums| {
+            let marks: Vec<f64> = values[field.column].iter().map(|v| 0.0 * v).collect();
+            if marks.iter().any(|mark| mark.is_nan()) { marks } else { Vec::new() }
+        };
+        let lacking = blocks[0].fields.iter().map(lacking).collect();
+        // No NaN must reach the sums.
+        values.iter_mut().flatten().filter(|v| v.is_nan()).for_each(|v| *v = 0.0);
+        Ok(FieldRun { offset, weight, values, lacking, number, totals, particles: range.len(), shares })
     }
 
     fn bytes(&self) -> usize {
-        size_of_val(&self.shares[..]) + size_of_val(&self.block[..])
+        let PlaceShares { order, particle, .. } = &self.shares;
+        4 * order.len()
+            + 5 * size_of_val(&particle[..])
+            + 8 * (self.values.len() + self.lacking.len() + 2) * order.len()
     }
-}
 
-impl RunShares {
-    fn new(place: Arc<PlaceShares>, run: RunValues, blocks: &[BlockFieldSums<'_>]) -> Self {
-        let fields = blocks.first().map_or(0, |b| b.fields.len());
-        let shares = (0..fields).map(|field| weighed(&place, &run, blocks, field)).collect();
-        RunShares { place, run, shares }
-    }
-}
-
-/// Shares by place, times how likely each particle's value of a field is in the Gaussian, scaled to a sum of 1 for each
-/// particle; 0 without a value.
-fn weighed(place: &PlaceShares, run: &RunValues, blocks: &[BlockFieldSums<'_>], field: usize) -> Vec<f32> {
-    let likelihood = |s: &PlaceShare| {
-        let (block, i) = (&blocks[s.block as usize], s.particle as usize);
-        let field_sums = &block.fields[field];
-        if field_sums.has_value(run, i) {
-            field_sums.log_likelihood(&block.block.gaussians, s.gaussian as usize, run, i)
-        } else {
-            f64::NEG_INFINITY
+    /// Shares by place, times how likely each particle's value of a field is in the Gaussian, scaled to a sum of 1 for
+    /// each particle; 0 without a value.
+    fn weighed(&self, blocks: &[BlockFieldSums<'_>], field: usize, simd: Level) -> Vec<f32> {
+        let mut logs = match &self.lacking[field][..] {
+            [] => vec![0.0; self.shares.particle.len()],
+            lacking => self.shares.particle.iter().map(|p| lacking[*p as usize]).collect(),
+        };
+        for block in blocks.iter().filter(|b| !b.fields[field].likelihoods.is_empty()) {
+            dispatch!(simd, simd => match block.fields[field].components {
+                1 => self.log_likelihoods::<_, 1>(simd, block, field, &mut logs),
+                _ => self.log_likelihoods::<_, 3>(simd, block, field, &mut logs),
+            });
         }
-    };
-    let mut logs: Vec<f64> = place.shares.iter().map(likelihood).collect();
-    // Relative to a particle's largest: a value far from all Gaussians would have densities of 0.
-    let mut largest = vec![f64::NEG_INFINITY; run.weight.len()];
-    let mut sum = vec![0.0; run.weight.len()];
-    for (s, log) in place.shares.iter().zip(&logs) {
-        let largest = &mut largest[s.particle as usize];
-        *largest = largest.max(*log);
+        self.shares.weighed(&logs, simd)
     }
-    for (s, log) in place.shares.iter().zip(&mut logs) {
-        let i = s.particle as usize;
-        *log = if *log > f64::NEG_INFINITY { f64::from(s.share) * libm::exp(*log - largest[i]) } else { 0.0 };
-        sum[i] += *log;
+
+    /// Adds the logarithms of how likely values are in a block's Gaussians, given the places, for each share.
+    #[inline(always)]
+    fn log_likelihoods<S: Simd, const C: usize>(
+        &self,
+        simd: S,
+        block: &BlockFieldSums<'_>,
+        field: usize,
+        logs: &mut [f64],
+    ) {
+        let field = &block.fields[field];
+        for (i, l) in field.likelihoods.iter().enumerate() {
+            let range = self.shares.of(block.first + i);
+            for start in range.clone().step_by(LANES) {
+                let vector = ShareVector::<S, C>::new(simd, self, field.column, start..range.end.min(start + LANES));
+                let mut off = vector.value;
+                for (k, off) in off.iter_mut().enumerate() {
+                    let [x, y, z] = l.slope[k];
+                    *off -= vector.place[0] * x + vector.place[1] * y + vector.place[2] * z + l.mean[k];
+                }
+                let log = if field.share {
+                    let value = <[f64; LANES]>::from(vector.value[0]);
+                    let predicted = <[f64; LANES]>::from(vector.value[0] - off[0]);
+                    // What is left of the value tells how likely the class is here.
+                    std::array::from_fn(|lane| {
+                        let p = predicted[lane].clamp(LEAST_SHARE, 1.0 - LEAST_SHARE);
+                        libm::log(value[lane] * p + (1.0 - value[lane]) * (1.0 - p))
+                    })
+                } else {
+                    let [xx, xy, xz, yy, yz, zz] = l.inverse.0;
+                    let mut square = off[0] * off[0] * xx;
+                    if C == 3 {
+                        square += off[1] * off[1] * yy + off[2] * off[2] * zz;
+                        square += (off[0] * off[1] * xy + off[0] * off[2] * xz + off[1] * off[2] * yz) * 2.0;
+                    }
+                    <[f64; LANES]>::from(f64x8::splat(simd, l.log) - square * 0.5)
+                };
+                let logs = &mut logs[start..range.end.min(start + LANES)];
+                logs.iter_mut().zip(log).for_each(|(sum, log)| *sum += log);
+            }
+        }
     }
-    let scaled_share =
-        |(s, part): (&PlaceShare, f64)| if part > 0.0 { (part / sum[s.particle as usize]) as f32 } else { 0.0 };
-    place.shares.iter().zip(logs).map(scaled_share).collect()
+
+    /// Adds the shares of a Gaussian, `weighed` by a field, to its row.
+    #[inline(always)]
+    fn add_to<S: Simd, const C: usize>(
+        &self,
+        simd: S,
+        (gaussian, weighed): (usize, &[f32]),
+        (column, logarithmic): (usize, bool),
+        row: &mut [f64],
+    ) {
+        let range = self.shares.of(gaussian);
+        let zero = f64x8::splat(simd, 0.0);
+        let mut total = [zero; MOST_TERMS];
+        for start in range.clone().step_by(LANES) {
+            let lanes = start..range.end.min(start + LANES);
+            let particle = &self.shares.particle[lanes.clone()];
+            let share = loaded(simd, &weighed[lanes.clone()]);
+            let ShareVector { place, value } = ShareVector::<S, C>::new(simd, self, column, lanes);
+            let w = share * gathered(simd, &self.weight, particle);
+            total[0] += if self.number.is_empty() { share } else { share * gathered(simd, &self.number, particle) };
+            total[1] += w;
+            let weighed_place = [w * place[0], w * place[1], w * place[2]];
+            let mut product = 5;
+            for a in 0..3 {
+                total[2 + a] += weighed_place[a];
+                for b in a..3 {
+                    total[product] += weighed_place[a] * place[b];
+                    product += 1;
+                }
+            }
+            product = 11 + 4 * C;
+            for a in 0..C {
+                total[11 + a] += w * value[a];
+                for k in 0..3 {
+                    total[11 + C + 3 * a + k] += weighed_place[k] * value[a];
+                }
+                for b in a..C {
+                    total[product] += w * value[a] * value[b];
+                    product += 1;
+                }
+            }
+            if logarithmic {
+                total[product] += w * gathered(simd, &self.values[column + 1], particle);
+            }
+        }
+        for (sum, lanes) in row.iter_mut().zip(total) {
+            *sum += <[f64; LANES]>::from(lanes).iter().sum::<f64>();
+        }
+    }
+}
+
+/// Shares in one vector.
+const LANES: usize = 8;
+/// Numbers of a row at most: those of a vector field.
+const MOST_TERMS: usize = 11 + 4 * 3 + 6;
+
+/// Shares of a Gaussian side by side: places from its mean, and values. Those beyond the last are 0.
+struct ShareVector<S: Simd, const C: usize> {
+    place: [f64x8<S>; 3],
+    value: [f64x8<S>; C],
+}
+
+impl<S: Simd, const C: usize> ShareVector<S, C> {
+    #[inline(always)]
+    fn new(simd: S, run: &FieldRun, column: usize, shares: Range<usize>) -> Self {
+        let particle = &run.shares.particle[shares.clone()];
+        let [x, y, z] = &run.offset;
+        let at = |axis: &[f32]| loaded(simd, &axis[shares.clone()]);
+        // Loops and no closures of arrays, which would not be part of the vector function.
+        let mut value = [f64x8::splat(simd, 0.0); C];
+        for (k, value) in value.iter_mut().enumerate() {
+            *value = gathered(simd, &run.values[column + k], particle);
+        }
+        ShareVector { place: [at(x), at(y), at(z)], value }
+    }
+}
+
+#[inline(always)]
+fn loaded<S: Simd>(simd: S, values: &[f32]) -> f64x8<S> {
+    lanes(simd, values.len(), |i| f64::from(values[i]))
+}
+
+#[inline(always)]
+fn gathered<S: Simd>(simd: S, values: &[f64], at: &[u32]) -> f64x8<S> {
+    lanes(simd, at.len(), |i| values[at[i] as usize])
+}
+
+#[inline(always)]
+fn lanes<S: Simd>(simd: S, len: usize, value: impl Fn(usize) -> f64) -> f64x8<S> {
+    let mut lanes = [0.0; LANES];
+    if len == LANES {
+        for (i, lane) in lanes.iter_mut().enumerate() {
+            *lane = value(i);
+        }
+    } else {
+        for (i, lane) in lanes.iter_mut().enumerate().take(len) {
+            *lane = value(i);
+        }
+    }
+    f64x8::load_array_ref(simd, &lanes)
 }
 
 impl FieldSums {
@@ -354,117 +488,64 @@ impl FieldSums {
         11 + 4 * self.components + self.components * (self.components + 1) / 2 + usize::from(self.logarithmic)
     }
 
-    fn has_value(&self, run: &RunValues, i: usize) -> bool {
-        !run.values[self.column][i].is_nan()
-    }
-
-    /// The logarithm of how likely a particle's value is in a Gaussian, given its place; 0 in the first pass.
-    fn log_likelihood(&self, g: &Mixture, gaussian: usize, run: &RunValues, i: usize) -> f64 {
-        let Some(l) = self.likelihoods.get(gaussian) else { return 0.0 };
-        let d: [f64; 3] = each_axis(|k| run.position[k][i] - g.mean[k][gaussian]);
-        let mut off = [0.0; 3];
-        for (k, off) in off.iter_mut().enumerate().take(self.components) {
-            *off = run.values[self.column + k][i] - l.mean[k] - (0..3).map(|a| l.slope[k][a] * d[a]).sum::<f64>();
+    /// Adds a particle to totals.
+    fn add_to(&self, totals: &mut FieldTotals, values: &[Vec<f64>], i: usize, weight: f64) {
+        for (k, all) in totals.all.iter_mut().enumerate().take(self.components) {
+            let value = values[self.column + k][i];
+            if k == 0 {
+                totals.weights[0] += weight;
+                totals.weights[1] += if value.is_nan() { 0.0 } else { weight };
+            }
+            if !value.is_nan() {
+                // Sums are of values, not of their logarithms.
+                let summed = if self.logarithmic { values[self.column + 1][i] } else { value };
+                *all = [all[0] + weight * summed, all[1].min(value), all[2].max(value)];
+            }
         }
-        if self.share {
-            // What is left of the value tells how likely the class is here.
-            let value = run.values[self.column][i];
-            let p = (value - off[0]).clamp(LEAST_SHARE, 1.0 - LEAST_SHARE);
-            return libm::log(value * p + (1.0 - value) * (1.0 - p));
-        }
-        let square: f64 = l.inverse.apply(off).iter().zip(off).map(|(a, b)| a * b).sum();
-        l.log - 0.5 * square
     }
 }
 
 impl<'a> BlockFieldSums<'a> {
-    fn new(block: &'a Block, fields: &[FieldShape<'_>]) -> Self {
+    fn new(block: &'a Block, first: usize, fields: &[FieldShape<'_>]) -> Self {
         let mut column = 0;
         let fields = fields.iter().map(|shape| {
             let (c, logarithmic) = (shape.components, shape.logarithmic);
-            let all = vec![[0.0, f64::INFINITY, f64::NEG_INFINITY]; c];
             let mut field = FieldSums {
                 components: c,
                 logarithmic,
                 share: shape.share,
                 column,
                 rows: Vec::new(),
-                all,
-                weights: [0.0; 2],
+                totals: FieldTotals::NONE,
                 likelihoods: Vec::new(),
             };
             field.rows.resize(field.width() * block.gaussians.len(), 0.0);
             column += shape.columns();
             field
         });
-        BlockFieldSums { block, assignment: SoftAssignment::new(&block.gaussians), fields: fields.collect() }
+        BlockFieldSums { block, first, fields: fields.collect() }
     }
 
-    fn add(&mut self, number: u32, batch: &[RunShares]) {
-        let g = &self.block.gaussians;
+    fn add(&mut self, batch: &[(Arc<FieldRun>, Vec<Vec<f32>>)], simd: Level) {
+        let first = self.first;
         for (index, field) in self.fields.iter_mut().enumerate() {
-            let (width, c, column, logarithmic) = (field.width(), field.components, field.column, field.logarithmic);
+            let (width, components, read) = (field.width(), field.components, (field.column, field.logarithmic));
             parallel::for_each_chunk(&mut field.rows, width * RANGE, |task, rows| {
-                let first = (task * RANGE) as u32;
-                for batch in batch {
-                    let (run, all) = (&batch.run, &batch.place.shares);
-                    let place = |gaussian: u32| all.partition_point(|s| (s.block, s.gaussian) < (number, gaussian));
-                    // Shares are sorted by block and Gaussian: those of this task are one range.
-                    let share_range = place(first)..place(first + (rows.len() / width) as u32);
-                    for (s, &share) in all[share_range.clone()].iter().zip(&batch.shares[index][share_range]) {
-                        // Particles without a value have no share: their NaN must not reach the sums.
-                        if share == 0.0 {
-                            continue;
+                for (run, weighed) in batch {
+                    dispatch!(simd, simd => for (i, row) in rows.chunks_exact_mut(width).enumerate() {
+                        let gaussian = (first + task * RANGE + i, &weighed[index][..]);
+                        match components {
+                            1 => run.add_to::<_, 1>(simd, gaussian, read, row),
+                            _ => run.add_to::<_, 3>(simd, gaussian, read, row),
                         }
-                        let row = &mut rows[(s.gaussian - first) as usize * width..][..width];
-                        let (i, p) = (s.gaussian as usize, s.particle as usize);
-                        let w = f64::from(share) * run.weight[p];
-                        let d: [f64; 3] = each_axis(|k| run.position[k][p] - g.mean[k][i]);
-                        // Eleven numbers before the values: number, weight, place (3) and its products (6).
-                        row[0] += f64::from(share) * run.number.get(p).copied().unwrap_or(1.0);
-                        row[1] += w;
-                        (0..3).for_each(|k| row[2 + k] += w * d[k]);
-                        let outer = Sym3::outer(d);
-                        (0..6).for_each(|k| row[5 + k] += w * outer.0[k]);
-                        for a in 0..c {
-                            let q = run.values[column + a][p];
-                            row[11 + a] += w * q;
-                            (0..3).for_each(|k| row[11 + c + 3 * a + k] += w * q * d[k]);
-                        }
-                        let mut product = 11 + 4 * c;
-                        for a in 0..c {
-                            for b in a..c {
-                                row[product] += w * run.values[column + a][p] * run.values[column + b][p];
-                                product += 1;
-                            }
-                        }
-                        if logarithmic {
-                            row[product] += w * run.values[column + 1][p];
-                        }
-                    }
+                    });
                 }
             });
-            // The first pass has seen them all.
-            for RunShares { run, place, .. } in batch.iter().filter(|_| field.likelihoods.is_empty()) {
-                for (k, all) in field.all.iter_mut().enumerate() {
-                    let values = &run.values[column + k];
-                    // Sums are of values.
-                    let summed = if logarithmic { &run.values[column + 1] } else { values };
-                    let block_particles = (0..values.len()).filter(|&i| place.block[i] == number);
-                    for (v, q, w) in block_particles.map(|i| (values[i], summed[i], run.weight[i])) {
-                        if k == 0 {
-                            field.weights[0] += w;
-                            field.weights[1] += if v.is_nan() { 0.0 } else { w };
-                        }
-                        if v.is_nan() {
-                            continue;
-                        }
-                        all[0] += w * q;
-                        (all[1], all[2]) = (all[1].min(v), all[2].max(v));
-                    }
-                }
-            }
         }
+    }
+
+    fn add_totals(&mut self, totals: &[FieldTotals]) {
+        self.fields.iter_mut().zip(totals).for_each(|(field, totals)| field.totals.add(totals));
     }
 
     /// Turns the sums into likelihoods, and begins new sums.
@@ -481,10 +562,11 @@ impl<'a> BlockFieldSums<'a> {
             let mut moments = field.moments(&self.block.gaussians);
             // A block without particles has no range.
             let range = |a: &[f64; 3]| if a[1] <= a[2] { [a[1], a[2]] } else { [0.0; 2] };
-            moments.range = field.all.iter().map(range).collect();
-            let [whole_weight, valued_weight] = field.weights;
+            let FieldTotals { all, weights: [whole_weight, valued_weight] } = field.totals;
+            let all = &all[..field.components];
+            moments.range = all.iter().map(range).collect();
             let scale = if valued_weight > 0.0 { whole_weight / valued_weight } else { 1.0 };
-            BlockField { moments, sums: field.all.iter().map(|a| scale * a[0]).collect() }
+            BlockField { moments, sums: all.iter().map(|a| scale * a[0]).collect() }
         };
         self.fields.into_iter().map(finish).collect()
     }

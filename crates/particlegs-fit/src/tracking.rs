@@ -10,8 +10,8 @@ use particlegs_core::model::Mixture;
 use particlegs_core::{Result, parallel};
 use particlegs_particles::{Chunk, Particles};
 
-/// Particles of one parallel step.
-const STEP: usize = 1 << 14;
+/// Particles of one parallel step: many, so that those of a leaf of the assignment fill vectors.
+const STEP: usize = 1 << 16;
 
 /// A split of a tracked Gaussian must gain this many times what its merge costs, and no larger share is split in a
 /// frame: Gaussians that are new cost more bytes than those that move.
@@ -44,12 +44,11 @@ pub fn track_gaussians(
     context.check()?;
     let local = particles.local_bounds();
     let store = ParticleStore::new(particles, &local);
-    let assignment = SoftAssignment::new(start);
+    let assignment = SoftAssignment::new(&[start], &[], context.simd());
     let mut owner = vec![0u32; store.len()];
-    parallel::for_each_chunk_with(&mut owner, STEP, Vec::new, |shares, c, owner| {
-        for (i, owner) in owner.iter_mut().enumerate() {
-            *owner = assignment.likeliest(store.to_world(store.xyz[c * STEP + i].map(f64::from)), shares);
-        }
+    parallel::for_each_chunk(&mut owner, STEP, |c, owner| {
+        let places = store.xyz[c * STEP..][..owner.len()].iter().map(|p| store.to_world(p.map(f64::from)));
+        owner.copy_from_slice(&assignment.likeliest(&places.collect::<Vec<_>>()));
     });
     // Its tree goes before the particles are copied.
     drop(assignment);
@@ -84,25 +83,21 @@ pub struct MixtureAssignment {
 
 impl MixtureAssignment {
     /// Prepares the assignment to these mixtures.
-    pub fn new(mixtures: &[Mixture]) -> Self {
+    pub fn new(mixtures: &[Mixture], context: &Context<'_>) -> Self {
         let mut all = Mixture::new(false);
         let ends = mixtures.iter().map(|m| {
-            (0..m.len()).for_each(|i| all.push(m.mean_of(i), m.cov_of(i), m.count[i], m.count[i]));
+            all.append(m);
             all.len() as u32
         });
         let ends = ends.collect();
-        MixtureAssignment { assignment: SoftAssignment::new(&all), ends }
+        MixtureAssignment { assignment: SoftAssignment::new(&[&all], &[], context.simd()), ends }
     }
 
     /// The mixture of each particle of a chunk whose coordinates begin at `origin`.
     pub fn mixtures_of(&self, chunk: &Chunk<'_>, origin: [f64; 3]) -> Vec<u32> {
-        let mut shares = Vec::new();
-        let mixture_of = |i: usize| {
-            let x = each_axis(|k| origin[k] + f64::from(chunk.position[k][i]));
-            let gaussian = self.assignment.likeliest(x, &mut shares);
-            self.ends.partition_point(|end| *end <= gaussian) as u32
-        };
-        (0..chunk.len()).map(mixture_of).collect()
+        let place = |i: usize| each_axis(|k| origin[k] + f64::from(chunk.position[k][i]));
+        let likeliest = self.assignment.likeliest(&(0..chunk.len()).map(place).collect::<Vec<_>>());
+        likeliest.iter().map(|gaussian| self.ends.partition_point(|end| end <= gaussian) as u32).collect()
     }
 }
 

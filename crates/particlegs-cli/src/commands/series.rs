@@ -15,6 +15,7 @@ use std::time::Instant;
 #[derive(Args)]
 #[command(mut_arg("train", |a| a.hide_short_help(true)), mut_arg("psnr", |a| a.hide_short_help(true)))]
 #[command(mut_arg("size", |a| a.hide_short_help(true)))]
+#[command(mut_arg("certificate", |a| a.help("How much to measure of every frame [default: quick, of keyframes alone]")))]
 #[command(after_help = "\
 Run the command again to go on after an interruption, or with more snapshots.
 
@@ -64,8 +65,9 @@ pub fn run(a: Arguments) -> Result<()> {
         blocks: a.blocks,
         ..a.fit.options(a.common.seed)?
     };
-    let (keyframe_interval, frames, replace) = (a.keyframe_interval, a.frames, a.force.force);
-    let options = SeriesOptions { compress, keyframe_interval, frames, align: a.align, replace };
+    let (keyframe_interval, certify_changes) = (a.keyframe_interval, a.fit.certificate.is_some());
+    let (frames, align, replace) = (a.frames, a.align, a.force.force);
+    let options = SeriesOptions { compress, keyframe_interval, certify_changes, frames, align, replace };
     let context = a.common.start()?;
     let start = Instant::now();
     context.reads(a.input.iter().chain(&choice.topology).map(PathBuf::as_path), replace)?;

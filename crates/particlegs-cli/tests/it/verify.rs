@@ -51,7 +51,7 @@ fn frames_of(file: &[u8]) -> (SeriesClock, String, Vec<Option<CodedFrame>>) {
 #[test]
 fn every_frame_of_a_series_is_intact() {
     let dir = TestFolder::new();
-    let file = series(&dir, "run.pgs", "--fields velocity,temperature");
+    let file = series(&dir, "run.pgs", "--fields velocity,temperature --certificate quick");
     let [text, said] = dir.runs("verify run.pgs");
     assert!(text.contains("a series of 4 frames, 2 of them keyframes; each was decoded"), "{text}");
     assert!(said.contains("frame 3 of 4 is read"), "{said}");
@@ -72,6 +72,37 @@ fn every_frame_of_a_series_is_intact() {
         let [_, said] = dir.runs(words);
         assert!(said.contains("frame 2 of 4 is read") && said.contains("missing"), "{words}: {said}");
     }
+}
+
+#[test]
+fn keyframes_alone_are_measured_unless_a_certificate_is_asked_for() {
+    let dir = TestFolder::new();
+    let file = series(&dir, "run.pgs", "");
+    let measured = |name: &str| {
+        let bytes = dir.bytes(name);
+        let series = SeriesFile::read(&bytes, "run").unwrap();
+        (0..4).map(|i| series.certificate(i).unwrap().is_some()).collect::<Vec<bool>>()
+    };
+    assert_eq!(measured("run.pgs"), [true, false, true, false]);
+    let [text, _] = dir.runs("verify run.pgs");
+    assert!(text.contains("each was decoded") && text.contains("certificate: none in the file"), "{text}");
+    let [text, _] = dir.runs("verify run.pgs snap-1");
+    assert!(text.contains("measured now, not stored in the file"), "{text}");
+    let [_, said] = dir.runs("info run.pgs --frame 1");
+    assert!(said.contains("frame 1 has no certificate"), "{said}");
+    series(&dir, "all.pgs", "--certificate quick");
+    series(&dir, "none.pgs", "--certificate none");
+    assert_eq!([measured("all.pgs"), measured("none.pgs")], [vec![true; 4], vec![false; 4]]);
+    dir.runs("verify all.pgs");
+    // A keyframe that lost its certificate is told.
+    let (clock, recipe, mut frames) = frames_of(&file);
+    frames[2] = frames_of(&dir.bytes("none.pgs")).2[2].clone();
+    dir.write("less.pgs", codec::assemble_series(clock, &recipe, &frames).unwrap());
+    dir.fails(
+        "verify less.pgs",
+        4,
+        "frame 2 of 4: corrupt model file: it has no certificate, but the series says that it has one",
+    );
 }
 
 #[test]

@@ -15,7 +15,7 @@ use particlegs_core::context::Context;
 use particlegs_core::model::{
     Certificate, CertificateLevel, Effort, LawKind, Mass, Metadata, Mixture, Model, Quantity,
 };
-use particlegs_core::{Error, Result};
+use particlegs_core::{Error, Result, codec};
 use particlegs_files::output::Kind;
 use particlegs_fit::{FitOptions, MixtureAssignment, TrackingEffort, track_gaussians};
 use particlegs_particles::blocks::divide;
@@ -40,11 +40,13 @@ pub struct SeriesBuilder {
     options: Options,
     /// Frames from one keyframe to the next.
     interval: usize,
+    /// The certificate of a change.
+    level: CertificateLevel,
     clock: Option<SeriesClock>,
     /// The frame before, and how many there are since its keyframe.
     before: Option<TrackedModel>,
     since: usize,
-    /// Bytes of the last keyframe.
+    /// Bytes of the last keyframe without its certificate.
     key_bytes: usize,
 }
 
@@ -59,8 +61,9 @@ pub struct AddedFrame {
 }
 
 impl SeriesBuilder {
-    /// A series whose keyframes are compressed by `options`, one every `interval` frames.
-    pub fn new(options: Options, interval: usize) -> Result<SeriesBuilder> {
+    /// A series whose keyframes are compressed by `options`, one every `interval` frames. `certify_changes`: the frames
+    /// between get the options' certificate as well.
+    pub fn new(options: Options, interval: usize, certify_changes: bool) -> Result<SeriesBuilder> {
         options.check()?;
         if options.law() == LawKind::AlphaBlend || options.training.is_some() {
             return Err(Error::argument("a series holds optical-depth models that are fitted, not trained"));
@@ -68,8 +71,14 @@ impl SeriesBuilder {
         if interval == 0 {
             return Err(Error::argument("there is at least 1 frame from one keyframe to the next"));
         }
+        let level = match options.certificate {
+            _ if !certify_changes => CertificateLevel::None,
+            // Fits of halves say nothing of Gaussians that are tracked.
+            CertificateLevel::Full => CertificateLevel::Quick,
+            level => level,
+        };
         let options = Options { sharing: SharingPolicy::No, ..options };
-        Ok(SeriesBuilder { options, interval, clock: None, before: None, since: 0, key_bytes: 0 })
+        Ok(SeriesBuilder { options, interval, level, clock: None, before: None, since: 0, key_bytes: 0 })
     }
 
     /// Decodes a frame that was made by the same options before, as the next one.
@@ -83,17 +92,13 @@ impl SeriesBuilder {
 
     /// Goes on behind such a frame, which decodes to `model`.
     pub fn resume(&mut self, frame: &CodedFrame, model: TrackedModel) {
-        self.count(frame.keyframe, frame.bytes.len());
         self.clock.get_or_insert_with(|| SeriesClock::of(&model.metadata));
-        self.before = Some(model);
-    }
-
-    fn count(&mut self, keyframe: bool, bytes: usize) {
-        if keyframe {
-            (self.since, self.key_bytes) = (1, bytes);
+        if frame.keyframe {
+            (self.since, self.key_bytes) = (1, uncertified(&frame.bytes, &model));
         } else {
             self.since += 1;
         }
+        self.before = Some(model);
     }
 
     /// The clock of the series, which its first frame decides.
@@ -139,11 +144,12 @@ impl SeriesBuilder {
         };
         let (keyframe, bytes, next) = match tracked {
             // Changes that save nothing would only make readers decode more frames.
-            Some((bytes, next)) if bytes.len() < self.key_bytes => (false, bytes, next),
+            Some((bytes, next)) if uncertified(&bytes, &next) < self.key_bytes => (false, bytes, next),
             larger => {
                 let why = match larger {
-                    Some((bytes, _)) => {
-                        Some(format!("its changes take {} bytes, and a keyframe {}", bytes.len(), self.key_bytes))
+                    Some((bytes, next)) => {
+                        let bytes = uncertified(&bytes, &next);
+                        Some(format!("its changes take {bytes} bytes, and a keyframe {}", self.key_bytes))
                     }
                     None if self.before.is_some() && self.since < self.interval => Some(
                         "it has other particle types or metadata than the frame before, or needs other blocks".into(),
@@ -153,17 +159,16 @@ impl SeriesBuilder {
                 notes.extend(why.map(|why| format!("frame {number} is a keyframe: {why}")));
                 let done = planned.run(&mut NoCheckpoints, context)?;
                 let bytes = match fields {
-                    Some(fields) => fields.add_to_model(done, context)?.bytes,
+                    Some(fields) => fields.add_to(&done.bytes, &done.model, context)?,
                     None => done.bytes,
                 };
                 let next = TrackedModel::keyframe(&bytes, time, name, context)?;
                 (true, bytes, next)
             }
         };
-        self.count(keyframe, bytes.len());
-        let model = next.clone().into_model();
-        self.before = Some(next);
-        Ok(AddedFrame { coded: CodedFrame { time, keyframe, bytes }, model, notes })
+        let (model, coded) = (next.clone().into_model(), CodedFrame { time, keyframe, bytes });
+        self.resume(&coded, next);
+        Ok(AddedFrame { coded, model, notes })
     }
 
     /// The fewest blocks in which a frame is fitted and tracked within the options' memory.
@@ -181,12 +186,13 @@ impl SeriesBuilder {
         if starts.len() < 2 {
             return Ok(vec![particles]);
         }
-        let (assignment, origin) = (MixtureAssignment::new(starts), particles.origin);
+        let (assignment, origin) = (MixtureAssignment::new(starts, context), particles.origin);
         let blocks_of = |chunk: &Chunk<'_>| assignment.mixtures_of(chunk, origin);
         divide(&particles, starts.len(), &blocks_of, &self.options.storage, context)
     }
 
-    /// The file of changes from the frame before, and the frame decoded; `None` if a keyframe is needed.
+    /// The file of changes from the frame before, and the frame decoded; `None` if a keyframe is needed. Changes that are
+    /// too large are not measured.
     fn change(
         &self,
         before: &TrackedModel,
@@ -241,34 +247,39 @@ impl SeriesBuilder {
         let quantities = fields.map_or(Vec::new(), |f| f.quantities().to_vec());
         let fields_hash = fields.and_then(FieldSelection::hash);
         let metadata = Metadata { mass: sums.iter().sum(), fields: quantities, fields_hash, ..metadata.clone() };
-        let Some(mut bytes) = before.change_file(&metadata, &masses, None, &blocks) else { return Ok(None) };
+        let Some(bytes) = before.change_file(&metadata, &masses, None, &blocks) else { return Ok(None) };
         // Decoded again: fields and certificate are of the Gaussians that readers get.
-        let mut next = before.next(&bytes, time, &particles.meta.name)?;
-        let size = bytes.len() as u64;
+        let next = before.next(&bytes, time, &particles.meta.name)?;
+        let (size, measured) = (bytes.len() as u64, self.level != CertificateLevel::None);
+        if fields.is_none() && !measured {
+            return Ok(Some((bytes, next)));
+        }
+        let model = next.clone().into_model();
         if let Some(fields) = fields {
             let previous_field = |at, quantity: &Quantity| before.field_before(&next, at, quantity);
-            let coded = fields.sections(&next.clone().into_model(), &previous_field, context)?;
+            let coded = fields.sections(&model, &previous_field, context)?;
             blocks.iter_mut().zip(coded).for_each(|(block, sections)| block.1 = sections);
-            let Some(whole) = before.change_file(&metadata, &masses, None, &blocks) else { return Ok(None) };
-            next = before.next(&whole, time, &particles.meta.name)?;
+        }
+        // What becomes a keyframe is measured as that alone.
+        let file = |certificate: Option<&Certificate>| before.change_file(&metadata, &masses, certificate, &blocks);
+        let Some(mut bytes) = file(None) else { return Ok(None) };
+        if measured && bytes.len() < self.key_bytes {
+            let seed = self.options.seed;
+            let mut certificate = certify(&model, size, particles, seed, self.level, context)?;
+            if let Some(fields) = fields {
+                certificate.fields = fields.agreement(&model, seed, context)?;
+            }
+            let Some(whole) = file(Some(&certificate)) else { return Ok(None) };
             bytes = whole;
         }
-        let level = match self.options.certificate {
-            CertificateLevel::None => return Ok(Some((bytes, next))),
-            // Fits of halves say nothing of Gaussians that are tracked.
-            CertificateLevel::Full => CertificateLevel::Quick,
-            level => level,
-        };
-        let model = next.into_model();
-        let seed = self.options.seed;
-        let mut certificate = certify(&model, size, particles, seed, level, context)?;
-        if let Some(fields) = fields {
-            certificate = Certificate { fields: fields.agreement(&model, seed, context)?, ..certificate };
-        }
-        let Some(bytes) = before.change_file(&metadata, &masses, Some(&certificate), &blocks) else { return Ok(None) };
         let next = before.next(&bytes, time, &particles.meta.name)?;
         Ok(Some((bytes, next)))
     }
+}
+
+/// Bytes of a frame's file without its certificate, which says nothing of how well it is coded.
+fn uncertified(bytes: &[u8], frame: &TrackedModel) -> usize {
+    bytes.len() - frame.certificate.as_ref().map_or(0, codec::certificate_bytes)
 }
 
 /// Particle masses of one run differ by less, relative to their size.
@@ -329,7 +340,7 @@ mod tests {
     fn series(blocks: u32, storage: Storage) -> Vec<AddedFrame> {
         let certificate = CertificateLevel::None;
         let options = Options { blocks: Some(blocks), storage, certificate, ..Options::gaussians(450) };
-        let mut builder = SeriesBuilder::new(options, 4).unwrap();
+        let mut builder = SeriesBuilder::new(options, 4, true).unwrap();
         (0..3).map(|i| builder.add(i, &frame(i), None, &Context::SILENT).unwrap()).collect()
     }
 

@@ -206,6 +206,11 @@ pub fn stored_bytes(block: &[u8]) -> usize {
     block.len() + stages * STAGE_BYTES
 }
 
+/// Bytes that a certificate takes in a file.
+pub fn certificate_bytes(certificate: &Certificate) -> usize {
+    SECTION_BYTES + certificate::write(certificate).len()
+}
+
 /// Bytes of a file beside its coded blocks, with or without a certificate of a level. The file's size is this plus the
 /// [`stored_bytes`] of its blocks, and of its network where it has one ([`VIZMAPPER_SECTION_BYTES`]); less where a file
 /// with an index has blocks without stages. Of each layer the number of its blocks.

@@ -55,7 +55,7 @@ pub use field::{FieldPrecision, PreviousField, encode_field};
 pub use field_correlation::encode_correlation;
 pub use file::{
     CodedLayer, MOST_LAYERS, StoredBlock, StoredSection, VIZMAPPER_SECTION_BYTES, assemble, assemble_with,
-    coded_layers, encode, file_hash, read_metadata, size_without_blocks, stored_bytes,
+    certificate_bytes, coded_layers, encode, file_hash, read_metadata, size_without_blocks, stored_bytes,
 };
 pub use header::Precision;
 pub use info::{BlockInfo, FieldInfo, FileInfo, LayerSum, read_info};

@@ -93,7 +93,9 @@ pub struct SeriesFile<'a> {
 struct SeriesRecipe {
     model: Option<Recipe>,
     keyframe_interval: Option<usize>,
+    /// Level of the certificates of all frames, or of the keyframes alone.
     certificate: Option<String>,
+    keyframe_certificate: Option<String>,
     /// Whether the frames are those of one trajectory, whose numbers rise.
     #[serde(default)]
     trajectory: bool,
@@ -116,10 +118,11 @@ impl SeriesRecipe {
         if let Some(interval) = self.keyframe_interval.filter(|interval| group > *interval) {
             return Err(format!("it is frame {group} from its keyframe on, but the series has one every {interval}"));
         }
-        let measured = self.certificate.as_ref().map(|level| level != CertificateLevel::None.name());
+        let level = if group == 1 { &self.keyframe_certificate } else { &None };
+        let measured = self.certificate.as_ref().or(level.as_ref()).map(|level| level != CertificateLevel::None.name());
         match measured.filter(|measured| *measured != frame.certificate.is_some()) {
-            Some(true) => Err("it has no certificate, but the series says that its frames have one".into()),
-            Some(false) => Err("it has a certificate, but the series says that its frames have none".into()),
+            Some(true) => Err("it has no certificate, but the series says that it has one".into()),
+            Some(false) => Err("it has a certificate, but the series says that it has none".into()),
             None => Ok(()),
         }
     }

@@ -86,7 +86,11 @@ impl Series {
         let number = frame.number(decoder.series(), &self.name, context)?;
         context.note("sizes are those of the frame as a model file of its own, as `extract` writes it");
         let info = read_info(&decoder.extract(number, context)?, &decoder.series().name(number))?;
-        Ok(FileInfo { certificate: decoder.series().certificate(number)?, ..info })
+        let certificate = decoder.series().certificate(number)?;
+        if certificate.is_none() && decoder.series().certificate(decoder.series().first()?)?.is_some() {
+            context.note(&format!("frame {number} has no certificate: of this series, keyframes alone were measured"));
+        }
+        Ok(FileInfo { certificate, ..info })
     }
 
     /// A table of the frames: when they are, their particles, Gaussians and bytes, and what their certificates say.

@@ -23,6 +23,8 @@ pub struct SeriesOptions {
     pub compress: Options,
     /// Frames from one keyframe to the next, at least 1.
     pub keyframe_interval: usize,
+    /// Whether frames between keyframes get the certificate as well, which takes most of the time of small frames.
+    pub certify_changes: bool,
     /// Frames of a trajectory; `None` for one snapshot a frame.
     pub frames: Option<FrameRange>,
     /// Atoms, in the words of [`AtomSelection`], by which each frame is turned and moved onto the first. Aligned frames
@@ -34,8 +36,8 @@ pub struct SeriesOptions {
 
 impl Default for SeriesOptions {
     fn default() -> Self {
-        let (compress, frames, align) = Default::default();
-        SeriesOptions { compress, keyframe_interval: KEYFRAME_INTERVAL, frames, align, replace: false }
+        let (compress, certify_changes, frames, align, replace) = Default::default();
+        SeriesOptions { compress, keyframe_interval: KEYFRAME_INTERVAL, certify_changes, frames, align, replace }
     }
 }
 
@@ -264,7 +266,7 @@ impl<'a> SeriesWork<'a> {
             compress.storage = Storage::Disk(output::scratch_folder(output));
         }
         let aligner = options.align.as_deref().map(|text| Aligner::new(text, choice)).transpose()?;
-        let builder = SeriesBuilder::new(compress.clone(), options.keyframe_interval)?;
+        let builder = SeriesBuilder::new(compress.clone(), options.keyframe_interval, options.certify_changes)?;
         Ok(SeriesWork { choice, options, compress, aligner, builder, raw_bytes: 0, name: name_of(output), context })
     }
 
@@ -274,8 +276,10 @@ impl<'a> SeriesWork<'a> {
         // Blocks follow from the particles of each frame, so their options stand below instead of a number.
         let mut recipe = json!({
             "model": self.compress.recipe(1), "keyframe_interval": self.options.keyframe_interval,
-            "certificate": certificate.name(),
         });
+        // Keyframes alone have a name of their own: earlier versions look for what `certificate` says in every frame.
+        let in_all = self.options.certify_changes || !certificate.measures();
+        recipe[if in_all { "certificate" } else { "keyframe_certificate" }] = certificate.name().into();
         if self.options.frames.is_some() {
             // Without the range, so that a longer one goes on with the same series.
             recipe["trajectory"] = true.into();
