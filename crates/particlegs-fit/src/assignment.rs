@@ -1,4 +1,4 @@
-//! Shares of particles in the Gaussians: soft responsibilities of mixtures that are fixed. Particles are sorted by the
+//! Shares of particles in the Gaussians: soft responsibilities of a mixture that is fixed. Particles are sorted by the
 //! leaves of a tree of the means, and the fit's kernel takes a leaf at a time.
 
 use super::em::{CountingSort, RefinedGaussians, Regularisation, Whitening};
@@ -9,7 +9,6 @@ use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 use particlegs_core::math::{Sym3, each_axis, exp2};
 use particlegs_core::model::Mixture;
 use particlegs_core::parallel;
-use particlegs_core::space::Bounds;
 use std::ops::Range;
 
 /// Gaussians in a leaf of the tree of means, and candidates that its particles have.
@@ -23,20 +22,16 @@ const LEAST_SHARE: f32 = 1.0 / 1024.0;
 const FLATTEST: f64 = 1e-12;
 const FLOOR: f64 = 1e-18;
 /// Responsibilities as they are.
-const PLAIN: Regularisation =
-    Regularisation { floor: FLOOR, focus: 0.0, blur: 0.0, prior: Prior::REFINED, stride: 1.0 };
+const PLAIN: Regularisation = Regularisation { floor: 0.0, focus: 0.0, blur: 0.0, prior: Prior::REFINED, stride: 1.0 };
 
-/// Trees of the means of mixtures, whose leaves know which Gaussians their particles can belong to. Gaussians are
-/// numbered on from mixture to mixture.
+/// A tree of a mixture's means, whose leaves know which Gaussians their particles can belong to.
 pub(crate) struct SoftAssignment {
-    blocks: BlockFinder,
     /// Inner nodes: axis, place of the cut, the nodes below and above it. A child from `LEAVES` on is a leaf.
     nodes: Vec<(u8, f64, [u32; 2])>,
     leaves: Vec<AssignmentLeaf>,
-    /// One for each mixture.
-    roots: Vec<u32>,
+    root: u32,
     whitened: Vec<Whitening>,
-    /// Trees and Gaussians have coordinates `(world - origin) * scale`.
+    /// The tree and Gaussians have coordinates `(world - origin) * scale`.
     origin: [f64; 3],
     scale: f64,
     simd: Level,
@@ -64,12 +59,12 @@ pub(crate) struct PlaceShares {
 impl PlaceShares {
     /// The shares of a Gaussian.
     pub(crate) fn of(&self, gaussian: usize) -> Range<usize> {
-        self.of_range(gaussian..gaussian + 1)
+        self.start[gaussian]..self.start[gaussian + 1]
     }
 
-    /// The shares of Gaussians.
-    pub(crate) fn of_range(&self, gaussians: Range<usize>) -> Range<usize> {
-        self.start[gaussians.start]..self.start[gaussians.end]
+    /// The number of a share's particle.
+    pub(crate) fn particle(&self, share: usize) -> usize {
+        self.order[self.particle[share] as usize] as usize
     }
 
     /// The shares times how likely something else is in each Gaussian, given by its logarithm (NaN counts for nothing),
@@ -104,61 +99,48 @@ fn exponentials<S: Simd>(simd: S, values: &mut [f32]) {
 }
 
 /// The box that the Gaussians reach to: where particles can be.
-fn reach(gaussians: &RefinedGaussians, range: Range<usize>) -> [[f64; 3]; 2] {
+fn reach(gaussians: &RefinedGaussians) -> [[f64; 3]; 2] {
     let end = |k: usize, side: f64, furthest: fn(f64, f64) -> f64| {
-        let ends = range
-            .clone()
-            .map(|i| gaussians.mean[i][k] + side * REACH * gaussians.cov[i].0[[0, 3, 5][k]].max(0.0).sqrt());
+        let deviation = |cov: &Sym3| cov.0[[0, 3, 5][k]].max(0.0).sqrt();
+        let ends = gaussians.mean.iter().zip(&gaussians.cov).map(|(x, cov)| x[k] + side * REACH * deviation(cov));
         ends.reduce(furthest).unwrap_or(0.0)
     };
     [each_axis(|k| end(k, -1.0, f64::min)), each_axis(|k| end(k, 1.0, f64::max))]
 }
 
 impl SoftAssignment {
-    /// Of mixtures whose particles lie in such `bounds`, which one mixture alone does without.
-    pub(crate) fn new(mixtures: &[&Mixture], bounds: &[Bounds], simd: Level) -> Self {
-        let mut all = RefinedGaussians::default();
-        for m in mixtures {
-            (0..m.len()).for_each(|i| all.push(m.mean_of(i), m.cov_of(i), m.count[i], 0.0));
+    /// Of a mixture.
+    pub(crate) fn new(mixture: &Mixture, simd: Level) -> Self {
+        let mut gaussians = RefinedGaussians::default();
+        for i in 0..mixture.len() {
+            gaussians.push(mixture.mean_of(i), mixture.cov_of(i), mixture.count[i], 0.0);
         }
-        let [origin, high] = reach(&all, 0..all.len());
+        let [origin, high] = reach(&gaussians);
         let extent = (0..3).map(|k| high[k] - origin[k]).fold(0.0, f64::max);
         let scale = if extent > 0.0 { libm::exp2(-libm::log2(extent).ceil()) } else { 1.0 };
-        for (mean, cov) in all.mean.iter_mut().zip(&mut all.cov) {
+        for (mean, cov) in gaussians.mean.iter_mut().zip(&mut gaussians.cov) {
             *mean = each_axis(|k| (mean[k] - origin[k]) * scale);
             *cov = cov.scale(scale).scale(scale);
-            *cov = cov.add(&Sym3::scaled_identity(FLATTEST * cov.trace()));
+            *cov = cov.add(&Sym3::scaled_identity(FLATTEST * cov.trace() + FLOOR));
         }
-        let floor = Sym3::scaled_identity(FLOOR);
-        let (mut nodes, mut leaves, mut roots, mut first) = (Vec::new(), Vec::new(), Vec::new(), 0);
-        for m in mixtures {
-            let range = first..first + m.len();
-            let ellipsoids: Vec<Ellipsoid> = parallel::map_range(m.len(), |i| {
-                Ellipsoid::new(all.mean[first + i], all.cov[first + i].add(&floor), m.count[i])
-            });
-            let tree = OverlapTree::new(&ellipsoids, simd);
-            let mut order: Vec<u32> = tree.order().iter().map(|i| first as u32 + i).collect();
-            let mut cuts = CutTree { mean: &all.mean, nodes: &mut nodes, boxes: Vec::new(), leaves: leaves.len() };
-            roots.push(cuts.grow(&mut order, reach(&all, range)));
-            let boxes = cuts.boxes;
-            leaves.extend(parallel::map_range(boxes.len(), |leaf| {
-                let mut search = OverlapSearch::default();
-                let [low, high] = boxes[leaf];
-                let centre = each_axis(|k| 0.5 * (low[k] + high[k]));
-                let [x, y, z] = each_axis(|k| (high[k] - low[k]).powi(2) / 12.0 + FLOOR);
-                tree.nearest(&Ellipsoid::new(centre, Sym3([x, 0.0, 0.0, y, 0.0, z]), 1.0), CANDIDATES, &mut search);
-                let candidates = search.neighbours.iter().map(|f| first as u32 + f.1).collect();
-                AssignmentLeaf { centre: centre.map(|v| v as f32), candidates }
-            }));
-            first += m.len();
-        }
-        let whitened = parallel::map_range(all.len(), |j| Whitening::new(&all, j, PLAIN));
-        SoftAssignment { blocks: BlockFinder::new(bounds), nodes, leaves, roots, whitened, origin, scale, simd }
-    }
-
-    /// The mixture whose bounds a place lies in.
-    pub(crate) fn block_of(&self, x: [f64; 3]) -> usize {
-        self.blocks.block_of(x)
+        let ellipsoids: Vec<Ellipsoid> = parallel::map_range(gaussians.len(), |i| {
+            Ellipsoid::new(gaussians.mean[i], gaussians.cov[i], gaussians.count[i])
+        });
+        let tree = OverlapTree::new(&ellipsoids, simd);
+        let mut cuts = CutTree { mean: &gaussians.mean, nodes: Vec::new(), boxes: Vec::new() };
+        let root = cuts.grow(&mut tree.order().to_vec(), reach(&gaussians));
+        let CutTree { nodes, boxes, .. } = cuts;
+        let leaves = parallel::map_range(boxes.len(), |leaf| {
+            let mut search = OverlapSearch::default();
+            let [low, high] = boxes[leaf];
+            let centre = each_axis(|k| 0.5 * (low[k] + high[k]));
+            let [x, y, z] = each_axis(|k| (high[k] - low[k]).powi(2) / 12.0 + FLOOR);
+            tree.nearest(&Ellipsoid::new(centre, Sym3([x, 0.0, 0.0, y, 0.0, z]), 1.0), CANDIDATES, &mut search);
+            let candidates = search.neighbours.iter().map(|f| f.1).collect();
+            AssignmentLeaf { centre: centre.map(|v| v as f32), candidates }
+        });
+        let whitened = parallel::map_range(gaussians.len(), |j| Whitening::new(&gaussians, j, PLAIN));
+        SoftAssignment { nodes, leaves, root, whitened, origin, scale, simd }
     }
 
     fn local(&self, x: [f64; 3]) -> [f64; 3] {
@@ -166,7 +148,7 @@ impl SoftAssignment {
     }
 
     fn leaf_of(&self, x: [f64; 3]) -> u32 {
-        let (mut node, place) = (self.roots[self.block_of(x)], self.local(x));
+        let (mut node, place) = (self.root, self.local(x));
         while node < LEAVES {
             let (axis, cut, children) = self.nodes[node as usize];
             // No branch, which could not be foreseen.
@@ -234,59 +216,10 @@ impl SoftAssignment {
     }
 }
 
-/// Finds the block whose bounds a place lies in: the first of those that meet its cell of a grid.
-struct BlockFinder {
-    bounds: Vec<Bounds>,
-    low: [f64; 3],
-    cells_per_length: [f64; 3],
-    cells: Vec<Vec<u32>>,
-}
-
-impl BlockFinder {
-    const SIDE: usize = 16;
-
-    fn new(bounds: &[Bounds]) -> Self {
-        let low = each_axis(|k| bounds.iter().map(|b| b.min[k]).fold(f64::INFINITY, f64::min));
-        let high: [f64; 3] = each_axis(|k| bounds.iter().map(|b| b.max[k]).fold(f64::NEG_INFINITY, f64::max));
-        let cells_per_length = each_axis(|k| Self::SIDE as f64 / (high[k] - low[k]));
-        let mut finder = BlockFinder { bounds: bounds.to_vec(), low, cells_per_length, cells: Vec::new() };
-        if bounds.len() > 1 {
-            finder.cells.resize(Self::SIDE.pow(3), Vec::new());
-            for (number, b) in bounds.iter().enumerate() {
-                let [from, to] = [b.min, b.max].map(|x| finder.cell(x));
-                for (x, y) in (from[0]..=to[0]).flat_map(|x| (from[1]..=to[1]).map(move |y| (x, y))) {
-                    for z in from[2]..=to[2] {
-                        finder.cells[(x * Self::SIDE + y) * Self::SIDE + z].push(number as u32);
-                    }
-                }
-            }
-        }
-        finder
-    }
-
-    fn cell(&self, x: [f64; 3]) -> [usize; 3] {
-        // Without an extent a place is NaN cells from the first, which is 0 as a whole number.
-        [0, 1, 2]
-            .map(|k| ((x[k] - self.low[k]) * self.cells_per_length[k]).clamp(0.0, Self::SIDE as f64 - 1.0) as usize)
-    }
-
-    fn block_of(&self, x: [f64; 3]) -> usize {
-        if self.bounds.len() < 2 {
-            return 0;
-        }
-        let [i, j, k] = self.cell(x);
-        let is_in = |b: &Bounds| (0..3).all(|k| b.min[k] <= x[k] && x[k] <= b.max[k]);
-        let mut blocks = self.cells[(i * Self::SIDE + j) * Self::SIDE + k].iter().map(|b| *b as usize);
-        blocks.find(|b| is_in(&self.bounds[*b])).unwrap_or(0)
-    }
-}
-
 struct CutTree<'a> {
     mean: &'a [[f64; 3]],
-    nodes: &'a mut Vec<(u8, f64, [u32; 2])>,
+    nodes: Vec<(u8, f64, [u32; 2])>,
     boxes: Vec<[[f64; 3]; 2]>,
-    /// Leaves of other trees before these.
-    leaves: usize,
 }
 
 impl CutTree<'_> {
@@ -300,7 +233,7 @@ impl CutTree<'_> {
         let axis = (0..3).fold(0, |a, k| if ends[k].1 - ends[k].0 > ends[a].1 - ends[a].0 { k } else { a });
         if order.len() <= LEAF || ends[axis].1 <= ends[axis].0 {
             self.boxes.push(within);
-            return LEAVES + (self.leaves + self.boxes.len()) as u32 - 1;
+            return LEAVES + self.boxes.len() as u32 - 1;
         }
         let middle = order.len() / 2;
         let mean = |i: &u32| self.mean[*i as usize][axis];
@@ -338,7 +271,7 @@ mod tests {
             let cov = Sym3::outer(a).add(&Sym3::outer(b)).add(&Sym3::scaled_identity(0.3)).scale(0.01);
             m.push(v(), cov, 1.0 + v()[0].abs() * 20.0, 0.0);
         }
-        let assignment = SoftAssignment::new(&[&m], &[], Level::new());
+        let assignment = SoftAssignment::new(&m, Level::new());
         const POINTS: usize = 600;
         let place = |i: usize| {
             // A particle of one of the Gaussians.
@@ -368,22 +301,5 @@ mod tests {
         }
         let mean = sum / POINTS as f64;
         assert!(mean < 0.003 && worst < 0.25, "{mean} {worst}");
-    }
-
-    #[test]
-    fn a_place_belongs_to_the_first_block_that_holds_it() {
-        let block = |i: u64| {
-            let mut r = Random::new(7, 0, i);
-            let (corner, size) = ([r.normal(), r.normal(), 2.0], [r.uniform(), 3.0 * r.uniform(), 0.0]);
-            Bounds { min: corner, max: each_axis(|k| corner[k] + size[k]) }
-        };
-        let bounds: Vec<Bounds> = (0..60).map(block).collect();
-        let finder = BlockFinder::new(&bounds);
-        for i in 0..1000 {
-            let mut r = Random::new(8, 0, i);
-            let x = [r.normal(), r.normal(), 2.0];
-            let is_in = |b: &Bounds| (0..3).all(|k| b.min[k] <= x[k] && x[k] <= b.max[k]);
-            assert_eq!(finder.block_of(x), bounds.iter().position(is_in).unwrap_or(0));
-        }
     }
 }

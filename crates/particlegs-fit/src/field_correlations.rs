@@ -2,21 +2,21 @@
 //! pass over the particles, after that of [`super::gather`].
 
 use super::assignment::{PlaceShares, SoftAssignment};
-use super::field_moments::{BlockField, FieldShape, ReadValues, assignment_of, places_of};
+use super::block_runs::{BlockFinder, BlockReader, BlockRun};
+use super::field_moments::{BlockField, FieldShape, ReadValues};
 use fearless_simd::Level;
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
 use particlegs_core::model::{Block, FieldMoments};
 use particlegs_core::{Result, parallel};
 use particlegs_files::memory::require;
-use particlegs_particles::{ChunkBuffer, Particles, RUN};
+use particlegs_particles::Particles;
 
 /// Scalar fields between which correlations are known: the first.
 const MOST: usize = 8;
 /// Particles that the block's own correlation counts as.
 const PRIOR: f64 = 5.0;
-/// Runs of particles that wait together, and Gaussians that one task adds to.
-const RUNS: usize = 16;
+/// Gaussians that one task adds to.
 const RANGE: usize = 256;
 /// Values are weighed by a spread of no less than this part of the range.
 const LEAST_SPREAD: f64 = 1e-6;
@@ -64,33 +64,27 @@ pub fn correlations(
     // Behind the columns of all fields may be that of how many particles each stands for.
     let pass = CorrelationPass {
         blocks,
-        assignment: assignment_of(blocks, context),
+        assignments: blocks.iter().map(|b| SoftAssignment::new(&b.gaussians, context.simd())).collect(),
         moments,
         scalars: scalars.iter().map(|&f| (f, columns[f])).collect(),
         number: first,
     };
     let mut sums: Vec<Vec<PairSums>> =
         blocks.iter().map(|b| vec![PairSums::default(); pairs.len() * b.gaussians.len()]).collect();
-    let runs = particles.len().div_ceil(RUN);
+    let reader = BlockReader { particles, fields, read, finder: BlockFinder::new(blocks) };
     context.begin("correlations of fields", particles.len() as u64);
-    for start in (0..runs).step_by(RUNS) {
-        let batch: Vec<RunResiduals> = parallel::try_map(start..runs.min(start + RUNS), |run| {
-            context.check()?;
-            let mut values = Vec::new();
-            read(run as u64, &mut values)?;
-            Ok::<_, particlegs_core::Error>(pass.residuals(particles, run, &values, context.simd()))
-        })?;
+    reader.each_batch(context, |runs| {
+        context.advance(runs.iter().map(|run| run.number.len() as u64).sum());
+        let batch = parallel::map(runs, |run| pass.residuals(run, context.simd()));
         // Every Gaussian's rows are one task's, which adds the runs in their order: threads change no sum.
-        let mut gaussians = 0;
-        for (block, sums) in blocks.iter().zip(&mut sums) {
+        for (block, sums) in sums.iter_mut().enumerate() {
+            let own: Vec<&RunResiduals> = batch.iter().filter(|run| run.block == block).collect();
             parallel::for_each_chunk(sums, pairs.len() * RANGE, |task, rows| {
-                let first = gaussians + task * RANGE;
-                batch.iter().for_each(|run| run.add_to(rows, &pairs, first, (fields.len(), within)));
+                own.iter().for_each(|run| run.add_to(rows, &pairs, task * RANGE, (fields.len(), within)));
             });
-            gaussians += block.gaussians.len();
         }
-        context.advance(batch.iter().map(|r| r.particles as u64).sum());
-    }
+        Ok(())
+    })?;
     context.end();
     Ok(sums.iter().map(|sums| finished(sums, &pairs)).collect())
 }
@@ -98,7 +92,7 @@ pub fn correlations(
 /// Inputs from which residuals are computed.
 struct CorrelationPass<'a> {
     blocks: &'a [Block],
-    assignment: SoftAssignment,
+    assignments: Vec<SoftAssignment>,
     moments: &'a [Vec<BlockField>],
     /// The scalars' places in the list, and their columns.
     scalars: Vec<(usize, usize)>,
@@ -108,9 +102,9 @@ struct CorrelationPass<'a> {
 
 /// Shares of a run's particles.
 struct RunResiduals {
-    /// The run's first particle, and their number.
-    first: usize,
-    particles: usize,
+    block: usize,
+    /// The number of each particle among all.
+    number: Vec<usize>,
     shares: PlaceShares,
     /// For each share the difference of each field from its mean; NaN where there is no value.
     residuals: Vec<f64>,
@@ -119,40 +113,31 @@ struct RunResiduals {
 }
 
 impl CorrelationPass<'_> {
-    fn residuals(&self, particles: &Particles, run: usize, values: &[Vec<f64>], simd: Level) -> RunResiduals {
-        let mut buffer = ChunkBuffer::default();
-        let first = run * RUN;
-        let chunk = particles.chunk(first..particles.len().min(first + RUN), &mut buffer);
-        let fields = self.moments.first().map_or(0, Vec::len);
-        let places = places_of(particles, &chunk);
-        let shares = self.assignment.shares(&places);
+    fn residuals(&self, run: BlockRun, simd: Level) -> RunResiduals {
+        let BlockRun { block, number, place, weight, values } = run;
+        let (moments, g) = (&self.moments[block], &self.blocks[block].gaussians);
+        let shares = self.assignments[block].shares(&place);
         // NaN stays where a field is no scalar.
-        let mut residuals = vec![f64::NAN; fields * shares.particle.len()];
+        let mut residuals = vec![f64::NAN; moments.len() * shares.particle.len()];
         // Shares by place are weighed by how likely the values are, as in the moments' passes.
         let mut logs = vec![0.0; shares.particle.len()];
-        let gaussians =
-            self.blocks.iter().zip(self.moments).flat_map(|(b, m)| (0..b.gaussians.len()).map(move |j| (b, m, j)));
-        for (number, (block, moments, j)) in gaussians.enumerate() {
-            for s in shares.of(number) {
-                let i = shares.order[shares.particle[s] as usize] as usize;
-                let d: [f64; 3] = each_axis(|k| places[i][k] - block.gaussians.mean[k][j]);
-                for &(field, column) in &self.scalars {
-                    let moments = &moments[field].moments;
-                    let off = values[column][i] - moments.mean_at(0, j, d);
-                    residuals[fields * s + field] = off;
-                    if !off.is_nan() {
-                        logs[s] += log_density(moments, j, off);
-                    }
+        for (j, s) in (0..g.len()).flat_map(|j| shares.of(j).map(move |s| (j, s))) {
+            let i = shares.particle(s);
+            let d: [f64; 3] = each_axis(|k| place[i][k] - g.mean[k][j]);
+            for &(field, column) in &self.scalars {
+                let off = values[column][i] - moments[field].moments.mean_at(0, j, d);
+                residuals[moments.len() * s + field] = off;
+                if !off.is_nan() {
+                    logs[s] += log_density(&moments[field].moments, j, off);
                 }
             }
         }
-        let part = |(share, p): (f32, &u32)| {
-            let i = shares.order[*p as usize] as usize;
-            let number = values.get(self.number).map_or(1.0, |n| n[i]);
-            [number, chunk.weight.map_or(1.0, |w| f64::from(w[i]))].map(|v| f64::from(share) * v)
+        let part = |(s, share): (usize, f32)| {
+            let i = shares.particle(s);
+            [values.get(self.number).map_or(1.0, |n| n[i]), weight[i]].map(|v| f64::from(share) * v)
         };
-        let parts = shares.weighed(&logs, simd).into_iter().zip(&shares.particle).map(part).collect();
-        RunResiduals { first, particles: chunk.len(), shares, residuals, parts }
+        let parts = shares.weighed(&logs, simd).into_iter().enumerate().map(part).collect();
+        RunResiduals { block, number, shares, residuals, parts }
     }
 }
 
@@ -180,7 +165,7 @@ impl RunResiduals {
         for (gaussian, rows) in rows.chunks_exact_mut(pairs.len()).enumerate() {
             for s in self.shares.of(first + gaussian) {
                 let residuals = &self.residuals[fields * s..][..fields];
-                let particle = self.first + self.shares.order[self.shares.particle[s] as usize] as usize;
+                let particle = self.number[self.shares.particle(s)];
                 for (row, &[a, b]) in rows.iter_mut().zip(pairs) {
                     let (x, y) = (residuals[a], residuals[b]);
                     if x.is_nan() || y.is_nan() {
@@ -230,6 +215,7 @@ mod tests {
     use particlegs_core::math::{Random, Sym3};
     use particlegs_core::model::Mixture;
     use particlegs_core::space::Bounds;
+    use particlegs_particles::RUN;
 
     /// Two clouds; in one the fields rise together, in the other one falls as the other rises.
     #[test]

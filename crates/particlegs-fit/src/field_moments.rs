@@ -1,17 +1,16 @@
 //! Moments of what particles carry, gathered for the Gaussians of a decoded model in one pass over the particles.
 
 use super::assignment::{PlaceShares, SoftAssignment};
+use super::block_runs::{BlockFinder, BlockReader, BlockRun, RUNS};
 use fearless_simd::{Level, Simd, dispatch, f64x8, prelude::*};
 use particlegs_core::context::Context;
 use particlegs_core::math::{Sym3, each_axis};
 use particlegs_core::model::{Block, FieldMoments, Mixture, Quantity, QuantityKind};
 use particlegs_core::{Error, Result, parallel};
-use particlegs_particles::{Chunk, ChunkBuffer, Particles, RUN};
+use particlegs_particles::Particles;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Runs of particles that wait together.
-const RUNS: usize = 16;
 /// Gaussians that one task adds to.
 const RANGE: usize = 256;
 /// Particles that a slope of 0 counts as.
@@ -85,65 +84,62 @@ pub fn gather(
     read: &ReadValues<'_>,
     context: &Context<'_>,
 ) -> Result<Vec<Vec<BlockField>>> {
-    let assignment = assignment_of(blocks, context);
-    let mut sums = Vec::<BlockFieldSums<'_>>::with_capacity(blocks.len());
-    for block in blocks {
-        let first = sums.last().map_or(0, |s| s.first + s.block.gaussians.len());
-        sums.push(BlockFieldSums::new(block, first, fields));
-    }
-    let runs = particles.len().div_ceil(RUN);
-    let mut held_runs: Vec<Option<Arc<FieldRun>>> = vec![None; runs];
+    let mut sums: Vec<BlockFieldSums> = blocks.iter().map(|b| BlockFieldSums::new(b, fields, context)).collect();
+    let reader = BlockReader { particles, fields, read, finder: BlockFinder::new(blocks) };
+    let mut held_runs: Vec<Option<Arc<FieldRun>>> = Vec::new();
     let mut bytes_left = HELD;
     context.begin("fields", (PASSES * particles.len()) as u64);
     for pass in 0..PASSES {
-        for first in (0..runs).step_by(RUNS) {
-            let batch: Vec<(Arc<FieldRun>, Vec<Vec<f32>>)> =
-                parallel::try_map(first..runs.min(first + RUNS), |number| {
-                    context.check()?;
-                    let run = match &held_runs[number] {
-                        Some(run) => run.clone(),
-                        None => Arc::new(FieldRun::new(number, particles, (fields, read), &sums, &assignment)?),
-                    };
-                    let weighed = (0..fields.len()).map(|field| run.weighed(&sums, field, context.simd())).collect();
-                    Ok::<_, Error>((run, weighed))
-                })?;
-            // Shares by place and values are the same in every pass: those that fit into the bound are kept for the next.
-            for (entry, (run, _)) in held_runs[first..].iter_mut().zip(&batch).filter(|(entry, _)| entry.is_none()) {
-                if run.bytes() <= bytes_left {
-                    bytes_left -= run.bytes();
-                    *entry = Some(run.clone());
-                }
-            }
-            // Every row adds the runs in their order, so that sums do not depend on threads.
-            for (number, block) in sums.iter_mut().enumerate() {
-                block.add(&batch, context.simd());
-                if pass == 0 {
-                    batch.iter().for_each(|(run, _)| block.add_totals(&run.totals[number * fields.len()..]));
-                }
-            }
-            context.advance(batch.iter().map(|(run, _)| run.particles as u64).sum());
-        }
-        if pass + 1 < PASSES {
+        if pass > 0 {
             sums.iter_mut().for_each(BlockFieldSums::next_pass);
         }
+        // Shares by place and values are the same in every pass: those that fit into the bound are kept for the next.
+        if pass > 0 && held_runs.iter().all(Option::is_some) {
+            for batch in held_runs.chunks(RUNS) {
+                context.check()?;
+                add_batch(&mut sums, batch.iter().flatten().cloned().collect(), context);
+            }
+            continue;
+        }
+        let mut number = 0;
+        reader.each_batch(context, |runs| {
+            let held = |k: usize| held_runs.get(number + k).cloned().flatten();
+            let batch = parallel::map(runs.into_iter().enumerate(), |(k, run)| {
+                held(k).unwrap_or_else(|| Arc::new(FieldRun::new(run, &sums)))
+            });
+            if pass == 0 {
+                for run in &batch {
+                    sums[run.block].add_totals(&run.totals);
+                    let fits = run.bytes() <= bytes_left;
+                    bytes_left -= if fits { run.bytes() } else { 0 };
+                    held_runs.push(fits.then(|| run.clone()));
+                }
+            }
+            number += batch.len();
+            add_batch(&mut sums, batch, context);
+            Ok(())
+        })?;
     }
     context.end();
     Ok(sums.into_iter().map(BlockFieldSums::finish).collect())
 }
 
-/// The assignment to the Gaussians of decoded blocks.
-pub(super) fn assignment_of(blocks: &[Block], context: &Context<'_>) -> SoftAssignment {
-    let mixtures: Vec<&Mixture> = blocks.iter().map(|b| &b.gaussians).collect();
-    SoftAssignment::new(&mixtures, &blocks.iter().map(|b| b.bounds).collect::<Vec<_>>(), context.simd())
-}
-
-/// Places of a run's particles.
-pub(super) fn places_of(particles: &Particles, chunk: &Chunk<'_>) -> Vec<[f64; 3]> {
-    (0..chunk.len()).map(|i| each_axis(|k| particles.origin[k] + f64::from(chunk.position[k][i]))).collect()
+/// Adds runs to the sums of their blocks.
+fn add_batch(sums: &mut [BlockFieldSums<'_>], batch: Vec<Arc<FieldRun>>, context: &Context<'_>) {
+    context.advance(batch.iter().map(|run| run.particles as u64).sum());
+    let weighed = parallel::map(batch, |run| {
+        let fields = &sums[run.block].fields;
+        let weighed: Vec<_> = fields.iter().enumerate().map(|(k, f)| run.weighed(k, f, context.simd())).collect();
+        (run, weighed)
+    });
+    // Every row adds the runs in their order, so that sums do not depend on threads.
+    for (number, block) in sums.iter_mut().enumerate() {
+        block.add(&weighed.iter().filter(|(run, _)| run.block == number).collect::<Vec<_>>(), context.simd());
+    }
 }
 
 /// Refuses values that are no numbers; `first` is the particle of the first.
-fn check_finite(fields: &[FieldShape<'_>], values: &[Vec<f64>], first: usize) -> Result<()> {
+pub(super) fn check_finite(fields: &[FieldShape<'_>], values: &[Vec<f64>], first: usize) -> Result<()> {
     let shapes = fields.iter().flat_map(|f| std::iter::repeat_n(f, f.columns()));
     for (field, values) in shapes.zip(values) {
         let is_wrong = |v: &f64| !(v.is_finite() || field.may_lack && v.is_nan());
@@ -163,30 +159,31 @@ pub fn value_fault(field: &str, particle: usize, value: f64) -> Error {
 /// The means of fields at places, by the Gaussians of the blocks that they were gathered for.
 pub struct FieldMeans<'a> {
     blocks: &'a [Block],
-    assignment: SoftAssignment,
+    finder: BlockFinder,
+    assignments: Vec<SoftAssignment>,
 }
 
 impl<'a> FieldMeans<'a> {
     /// Of blocks.
     pub fn new(blocks: &'a [Block], context: &Context<'_>) -> Self {
-        FieldMeans { blocks, assignment: assignment_of(blocks, context) }
+        let assignments = blocks.iter().map(|b| SoftAssignment::new(&b.gaussians, context.simd())).collect();
+        FieldMeans { blocks, finder: BlockFinder::new(blocks), assignments }
     }
 
     /// Of each of the fields the mean of each component at each of the places; components beyond its own are 0.
     pub fn at(&self, fields: &[Vec<BlockField>], places: &[[f64; 3]]) -> Vec<Vec<[f64; 3]>> {
-        let shares = self.assignment.shares(places);
         let mut means = vec![vec![[0.0; 3]; places.len()]; fields.first().map_or(0, Vec::len)];
-        let gaussians =
-            self.blocks.iter().zip(fields).flat_map(|(b, f)| (0..b.gaussians.len()).map(move |i| (b, f, i)));
-        for (number, (block, fields, i)) in gaussians.enumerate() {
-            for s in shares.of(number) {
-                let place = shares.order[shares.particle[s] as usize] as usize;
-                let d = each_axis(|k| places[place][k] - block.gaussians.mean[k][i]);
-                for (means, BlockField { moments, .. }) in means.iter_mut().zip(fields) {
+        for (number, at) in self.finder.sorted(places).iter().enumerate() {
+            let g = &self.blocks[number].gaussians;
+            let shares = self.assignments[number].shares(&at.iter().map(|i| places[*i]).collect::<Vec<_>>());
+            for (i, s) in (0..g.len()).flat_map(|i| shares.of(i).map(move |s| (i, s))) {
+                let place = at[shares.particle(s)];
+                let d = each_axis(|k| places[place][k] - g.mean[k][i]);
+                let share = f64::from(shares.share[s]);
+                for (means, BlockField { moments, .. }) in means.iter_mut().zip(&fields[number]) {
                     // Slopes of few particles reach far: values that are drawn stay within the range, too.
                     for (c, [least, largest]) in moments.range.iter().enumerate() {
-                        means[place][c] +=
-                            f64::from(shares.share[s]) * moments.mean_at(c, i, d).clamp(*least, *largest);
+                        means[place][c] += share * moments.mean_at(c, i, d).clamp(*least, *largest);
                     }
                 }
             }
@@ -198,8 +195,7 @@ impl<'a> FieldMeans<'a> {
 /// Sums over a block's particles, Gaussian by Gaussian.
 struct BlockFieldSums<'a> {
     block: &'a Block,
-    /// The number of its first Gaussian among those of all blocks.
-    first: usize,
+    assignment: SoftAssignment,
     fields: Vec<FieldSums>,
 }
 
@@ -259,99 +255,71 @@ struct FieldRun {
     lacking: Vec<Vec<f64>>,
     /// Number of particles that each stands for; empty where that is one.
     number: Vec<f64>,
-    /// Of all the run's particles, for each block and field.
+    /// Of all the run's particles, for each field.
     totals: Vec<FieldTotals>,
+    block: usize,
     /// All of the run.
     particles: usize,
 }
 
 impl FieldRun {
-    fn new(
-        run_number: usize,
-        particles: &Particles,
-        (fields, read): (&[FieldShape<'_>], &ReadValues<'_>),
-        blocks: &[BlockFieldSums<'_>],
-        assignment: &SoftAssignment,
-    ) -> Result<FieldRun> {
-        let range = run_number * RUN..particles.len().min((run_number + 1) * RUN);
-        let mut buffer = ChunkBuffer::default();
-        let chunk = particles.chunk(range.clone(), &mut buffer);
-        let (columns, mut values) = (fields.iter().map(FieldShape::columns).sum(), Vec::new());
-        read(run_number as u64, &mut values)?;
-        // Particles that stand for several have one column more.
-        if ![columns, columns + 1].contains(&values.len()) || values.iter().any(|v| v.len() != range.len()) {
-            return Err(Error::input("fields", "a field has another number of values than there are particles"));
+    fn new(run: BlockRun, blocks: &[BlockFieldSums<'_>]) -> FieldRun {
+        let BlockFieldSums { block, assignment, fields } = &blocks[run.block];
+        let BlockRun { mut place, weight, mut values, .. } = run;
+        let particles = place.len();
+        let totals = fields.iter().map(|f| f.totals_of(&values, &weight)).collect();
+        let has_value = |i: &usize| fields.iter().any(|f| !values[f.column][*i].is_nan());
+        let valued: Vec<usize> = (0..particles).filter(has_value).collect();
+        if valued.len() < particles {
+            place = valued.iter().map(|i| place[*i]).collect();
         }
-        check_finite(fields, &values, range.start)?;
-        let weight = chunk.weight.map_or(vec![1.0; range.len()], |w| w.iter().map(|w| f64::from(*w)).collect());
-        let mut places = places_of(particles, &chunk);
-        let mut totals = vec![FieldTotals::NONE; blocks.len() * fields.len()];
-        for (i, x) in places.iter().enumerate() {
-            let totals = &mut totals[assignment.block_of(*x) * fields.len()..];
-            blocks[0].fields.iter().zip(totals).for_each(|(field, totals)| field.add_to(totals, &values, i, weight[i]));
-        }
-        let has_value = |i: &usize| blocks[0].fields.iter().any(|f| !values[f.column][*i].is_nan());
-        let valued: Vec<usize> = (0..range.len()).filter(has_value).collect();
-        if valued.len() < range.len() {
-            places = valued.iter().map(|i| places[*i]).collect();
-        }
-        let shares = assignment.shares(&places);
+        let shares = assignment.shares(&place);
+        let g = &block.gaussians;
         let mut offset = [(); 3].map(|()| Vec::with_capacity(shares.particle.len()));
-        for block in blocks {
-            let g = &block.block.gaussians;
-            for (i, s) in (0..g.len()).flat_map(|i| shares.of(block.first + i).map(move |s| (i, s))) {
-                let place = places[shares.order[shares.particle[s] as usize] as usize];
-                (0..3).for_each(|k| offset[k].push((place[k] - g.mean[k][i]) as f32));
-            }
+        for (i, s) in (0..g.len()).flat_map(|i| shares.of(i).map(move |s| (i, s))) {
+            let place = place[shares.particle(s)];
+            (0..3).for_each(|k| offset[k].push((place[k] - g.mean[k][i]) as f32));
         }
         let sorted = |column: Vec<f64>| shares.order.iter().map(|i| column[valued[*i as usize]]).collect::<Vec<f64>>();
+        // Particles that stand for several have one column more.
+        let columns = fields.last().map_or(0, |f| f.column + f.components + usize::from(f.logarithmic));
         let number = values.split_off(columns).pop().map_or(Vec::new(), sorted);
         let (weight, mut values) = (sorted(weight), values.into_iter().map(sorted).collect::<Vec<_>>());
         let lacking = |field: &FieldSums| {
             let marks: Vec<f64> = values[field.column].iter().map(|v| 0.0 * v).collect();
             if marks.iter().any(|mark| mark.is_nan()) { marks } else { Vec::new() }
         };
-        let lacking = blocks[0].fields.iter().map(lacking).collect();
+        let lacking = fields.iter().map(lacking).collect();
         // No NaN must reach the sums.
         values.iter_mut().flatten().filter(|v| v.is_nan()).for_each(|v| *v = 0.0);
-        Ok(FieldRun { offset, weight, values, lacking, number, totals, particles: range.len(), shares })
+        FieldRun { offset, weight, values, lacking, number, totals, block: run.block, particles, shares }
     }
 
     fn bytes(&self) -> usize {
-        let PlaceShares { order, particle, .. } = &self.shares;
-        4 * order.len()
-            + 5 * size_of_val(&particle[..])
-            + 8 * (self.values.len() + self.lacking.len() + 2) * order.len()
+        let numbers: usize = self.values.iter().chain(&self.lacking).map(Vec::len).sum();
+        let shares = 5 * size_of_val(&self.shares.particle[..]) + 4 * self.shares.order.len();
+        shares + 8 * (numbers + self.weight.len() + self.number.len())
     }
 
     /// Shares by place, times how likely each particle's value of a field is in the Gaussian, scaled to a sum of 1 for
     /// each particle; 0 without a value.
-    fn weighed(&self, blocks: &[BlockFieldSums<'_>], field: usize, simd: Level) -> Vec<f32> {
-        let mut logs = match &self.lacking[field][..] {
+    fn weighed(&self, number: usize, field: &FieldSums, simd: Level) -> Vec<f32> {
+        let mut logs = match &self.lacking[number][..] {
             [] => vec![0.0; self.shares.particle.len()],
             lacking => self.shares.particle.iter().map(|p| lacking[*p as usize]).collect(),
         };
-        for block in blocks.iter().filter(|b| !b.fields[field].likelihoods.is_empty()) {
-            dispatch!(simd, simd => match block.fields[field].components {
-                1 => self.log_likelihoods::<_, 1>(simd, block, field, &mut logs),
-                _ => self.log_likelihoods::<_, 3>(simd, block, field, &mut logs),
-            });
-        }
+        dispatch!(simd, simd => match field.components {
+            1 => self.log_likelihoods::<_, 1>(simd, field, &mut logs),
+            _ => self.log_likelihoods::<_, 3>(simd, field, &mut logs),
+        });
         self.shares.weighed(&logs, simd)
     }
 
-    /// Adds the logarithms of how likely values are in a block's Gaussians, given the places, for each share.
+    /// Adds the logarithms of how likely values are in the Gaussians, given the places, for each share.
     #[inline(always)]
-    fn log_likelihoods<S: Simd, const C: usize>(
-        &self,
-        simd: S,
-        block: &BlockFieldSums<'_>,
-        field: usize,
-        logs: &mut [f64],
-    ) {
-        let field = &block.fields[field];
+    fn log_likelihoods<S: Simd, const C: usize>(&self, simd: S, field: &FieldSums, logs: &mut [f64]) {
         for (i, l) in field.likelihoods.iter().enumerate() {
-            let range = self.shares.of(block.first + i);
+            let range = self.shares.of(i);
             for start in range.clone().step_by(LANES) {
                 let vector = ShareVector::<S, C>::new(simd, self, field.column, start..range.end.min(start + LANES));
                 let mut off = vector.value;
@@ -488,25 +456,25 @@ impl FieldSums {
         11 + 4 * self.components + self.components * (self.components + 1) / 2 + usize::from(self.logarithmic)
     }
 
-    /// Adds a particle to totals.
-    fn add_to(&self, totals: &mut FieldTotals, values: &[Vec<f64>], i: usize, weight: f64) {
+    /// Sums over particles of their values.
+    fn totals_of(&self, values: &[Vec<f64>], weight: &[f64]) -> FieldTotals {
+        let mut totals = FieldTotals::NONE;
         for (k, all) in totals.all.iter_mut().enumerate().take(self.components) {
-            let value = values[self.column + k][i];
-            if k == 0 {
-                totals.weights[0] += weight;
-                totals.weights[1] += if value.is_nan() { 0.0 } else { weight };
-            }
-            if !value.is_nan() {
-                // Sums are of values, not of their logarithms.
-                let summed = if self.logarithmic { values[self.column + 1][i] } else { value };
-                *all = [all[0] + weight * summed, all[1].min(value), all[2].max(value)];
+            let values_of = &values[self.column + k];
+            // Sums are of values, not of their logarithms.
+            let summed = if self.logarithmic { &values[self.column + 1] } else { values_of };
+            for ((value, summed), weight) in values_of.iter().zip(summed).zip(weight).filter(|v| !v.0.0.is_nan()) {
+                *all = [all[0] + weight * summed, all[1].min(*value), all[2].max(*value)];
             }
         }
+        let first = values[self.column].iter().zip(weight);
+        totals.weights = [weight.iter().sum(), first.filter(|v| !v.0.is_nan()).map(|v| v.1).sum()];
+        totals
     }
 }
 
 impl<'a> BlockFieldSums<'a> {
-    fn new(block: &'a Block, first: usize, fields: &[FieldShape<'_>]) -> Self {
+    fn new(block: &'a Block, fields: &[FieldShape<'_>], context: &Context<'_>) -> Self {
         let mut column = 0;
         let fields = fields.iter().map(|shape| {
             let (c, logarithmic) = (shape.components, shape.logarithmic);
@@ -523,17 +491,17 @@ impl<'a> BlockFieldSums<'a> {
             column += shape.columns();
             field
         });
-        BlockFieldSums { block, first, fields: fields.collect() }
+        let assignment = SoftAssignment::new(&block.gaussians, context.simd());
+        BlockFieldSums { block, assignment, fields: fields.collect() }
     }
 
-    fn add(&mut self, batch: &[(Arc<FieldRun>, Vec<Vec<f32>>)], simd: Level) {
-        let first = self.first;
+    fn add(&mut self, batch: &[&(Arc<FieldRun>, Vec<Vec<f32>>)], simd: Level) {
         for (index, field) in self.fields.iter_mut().enumerate() {
             let (width, components, read) = (field.width(), field.components, (field.column, field.logarithmic));
             parallel::for_each_chunk(&mut field.rows, width * RANGE, |task, rows| {
                 for (run, weighed) in batch {
                     dispatch!(simd, simd => for (i, row) in rows.chunks_exact_mut(width).enumerate() {
-                        let gaussian = (first + task * RANGE + i, &weighed[index][..]);
+                        let gaussian = (task * RANGE + i, &weighed[index][..]);
                         match components {
                             1 => run.add_to::<_, 1>(simd, gaussian, read, row),
                             _ => run.add_to::<_, 3>(simd, gaussian, read, row),

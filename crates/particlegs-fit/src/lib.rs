@@ -11,6 +11,7 @@
 
 mod assignment;
 mod best_cuts;
+mod block_runs;
 mod cut;
 mod effort;
 mod eigen;

@@ -44,7 +44,7 @@ pub fn track_gaussians(
     context.check()?;
     let local = particles.local_bounds();
     let store = ParticleStore::new(particles, &local);
-    let assignment = SoftAssignment::new(&[start], &[], context.simd());
+    let assignment = SoftAssignment::new(start, context.simd());
     let mut owner = vec![0u32; store.len()];
     parallel::for_each_chunk(&mut owner, STEP, |c, owner| {
         let places = store.xyz[c * STEP..][..owner.len()].iter().map(|p| store.to_world(p.map(f64::from)));
@@ -90,7 +90,7 @@ impl MixtureAssignment {
             all.len() as u32
         });
         let ends = ends.collect();
-        MixtureAssignment { assignment: SoftAssignment::new(&[&all], &[], context.simd()), ends }
+        MixtureAssignment { assignment: SoftAssignment::new(&all, context.simd()), ends }
     }
 
     /// The mixture of each particle of a chunk whose coordinates begin at `origin`.
