@@ -125,11 +125,11 @@ impl FieldSelection<'_> {
                 let place = |i: usize| each_axis(|k| particles.origin[k] + f64::from(chunk.position[k][i]));
                 let second: Vec<usize> = (0..chunk.len()).filter(|i| is_second(&places[run][*i])).collect();
                 let model_means = means.at(&gathered, &second.iter().map(|i| place(*i)).collect::<Vec<_>>());
-                let mut seconds = 0..;
+                let mut places_of_second = 0..;
                 let mut contributions = Vec::with_capacity(chunk.len() * shapes.len());
                 for (i, place) in places[run].iter().enumerate() {
                     let Some(FieldPlace { cell, half }) = *place else { continue };
-                    let second = if half == 1 { seconds.next() } else { None };
+                    let second = if half == 1 { places_of_second.next() } else { None };
                     let weight = chunk.weight.map_or(1.0, |w| f64::from(w[i]));
                     let mut column = 0;
                     for (field, (number, shape)) in numbers.iter().zip(&shapes).enumerate() {

@@ -183,13 +183,13 @@ impl SoftAssignment {
 
     /// The shares of particles; none where there is no Gaussian.
     pub(crate) fn shares(&self, places: &[[f64; 3]]) -> PlaceShares {
-        let (mut scratch, mut found) = (KernelScratch::default(), Vec::<GroupShare>::new());
+        let (mut scratch, mut leaf_shares) = (KernelScratch::default(), Vec::<GroupShare>::new());
         let mut shares = Vec::<GroupShare>::with_capacity(4 * places.len());
         let mut sum = vec![0.0f32; places.len()];
         let order = self.by_leaf(places, |group, candidates, range| {
-            found.clear();
-            em_kernel::assign(self.simd, group, &mut scratch, &mut [], Some((LEAST_SHARE, &mut found)));
-            for &GroupShare { candidate, particle, share } in &found {
+            leaf_shares.clear();
+            em_kernel::assign(self.simd, group, &mut scratch, &mut [], Some((LEAST_SHARE, &mut leaf_shares)));
+            for &GroupShare { candidate, particle, share } in &leaf_shares {
                 let (candidate, particle) = (candidates[candidate as usize], range.start as u32 + particle);
                 sum[particle as usize] += share;
                 shares.push(GroupShare { candidate, particle, share });
@@ -282,22 +282,23 @@ mod tests {
         };
         let places: Vec<[f64; 3]> = (0..POINTS).map(place).collect();
         let (shares, likeliest) = (assignment.shares(&places), assignment.likeliest(&places));
-        let mut found = vec![[0.0; 300]; POINTS];
+        let mut share_of_each = vec![[0.0; 300]; POINTS];
         for gaussian in 0..m.len() {
             for s in shares.of(gaussian) {
-                found[shares.order[shares.particle[s] as usize] as usize][gaussian] = f64::from(shares.share[s]);
+                share_of_each[shares.order[shares.particle[s] as usize] as usize][gaussian] =
+                    f64::from(shares.share[s]);
             }
         }
         let (mut worst, mut sum) = (0.0f64, 0.0);
-        for (i, found) in found.iter().enumerate() {
-            assert!((found.iter().sum::<f64>() - 1.0).abs() < 1e-6);
+        for (i, shares) in share_of_each.iter().enumerate() {
+            assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-6);
             let logs: Vec<f64> = (0..m.len()).map(|k| log_density(&m, k, places[i])).collect();
             let top = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             let all: f64 = logs.iter().map(|l| (l - top).exp()).sum();
-            let missed = (0..m.len()).map(|k| ((logs[k] - top).exp() / all - found[k]).abs()).fold(0.0, f64::max);
+            let missed = (0..m.len()).map(|k| ((logs[k] - top).exp() / all - shares[k]).abs()).fold(0.0, f64::max);
             (worst, sum) = (worst.max(missed), sum + missed);
-            let most = found.iter().copied().fold(0.0, f64::max);
-            assert!(found[likeliest[i] as usize] > most - 1e-6);
+            let most = shares.iter().copied().fold(0.0, f64::max);
+            assert!(shares[likeliest[i] as usize] > most - 1e-6);
         }
         let mean = sum / POINTS as f64;
         assert!(mean < 0.003 && worst < 0.25, "{mean} {worst}");

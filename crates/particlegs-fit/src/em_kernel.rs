@@ -120,14 +120,14 @@ fn assign_kernel<S: Simd>(
             for (v, vector) in vectors.iter().enumerate().filter(|(v, _)| active >> v & 1 == 1) {
                 let density = f32x16::load_array_ref(simd, &share[candidate * vectors.len() + v].0);
                 let lanes = <[f32; LANES]>::from(density * f32x16::load_array_ref(simd, &vector.norm.0));
-                let (mut found, mut count) = ([GroupShare::default(); LANES], 0);
+                let (mut vector_shares, mut count) = ([GroupShare::default(); LANES], 0);
                 for (lane, &share) in lanes.iter().enumerate() {
                     let particle = (first + v * LANES + lane) as u32;
-                    found[count] = GroupShare { candidate: candidate as u32, particle, share };
+                    vector_shares[count] = GroupShare { candidate: candidate as u32, particle, share };
                     // No branch, which could not be foreseen.
                     count += usize::from(share >= *least);
                 }
-                shares.extend_from_slice(&found[..count]);
+                shares.extend_from_slice(&vector_shares[..count]);
             }
         }
     }

@@ -163,7 +163,7 @@ fn verify_finds_damage_and_measures_again() {
     // The same particles are drawn and measured; the file holds f32.
     let science = |v: &Value| v["science"].clone();
     let (now, then) = (science(&again["measured_again"]), science(&info["certificate"]));
-    assert_eq!((&now["of"], &now["spectrum_grid"]), (&"drawn_particles".into(), &128.into()));
+    assert_eq!((&now["of"], &now["spectrum_grid"]), (&"drawn_particles".into(), &96.into()));
     for key in ["k_max", "power_within_1_percent_to", "power_within_5_percent_to", "r_above_0_99_to", "r_above_0_9_to"]
     {
         match now[key].as_f64() {

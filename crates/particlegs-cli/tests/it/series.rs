@@ -372,7 +372,7 @@ fn statistics_over_time_are_those_of_each_frame() {
             let (row, one) = ([value(row, "k"), value(row, "power")], [value(one, "k"), value(one, "power_truth")]);
             // A frame between is coded anew where it is extracted.
             assert!(
-                (0..2).all(|k| (row[k] / one[k] - 1.0).abs() < if i == 0 { 1e-12 } else { 0.02 }),
+                (0..2).all(|k| (row[k] / one[k] - 1.0).abs() < if i == 0 { 1e-12 } else { 0.03 }),
                 "{row:?} {one:?}"
             );
         }
