@@ -255,7 +255,7 @@ impl Model {
         let scene = Scene::from_layers(self.inner(), |l| mask[l]);
         let map = WorkOptions::quietly(threads).run(py, |progress| field_map(&scene, &query, &view, size, progress))?;
         Ok((
-            pictures::plane(py, map.wanted(&query))?,
+            pictures::plane(py, &map.values)?,
             Some(query.unit(&self.inner().metadata.fields, self.inner().metadata.units.length_text()))
                 .filter(|u| !u.is_empty()),
             query.title(),

@@ -78,9 +78,9 @@ pub fn correlations(
         let batch = parallel::map(runs, |run| pass.residuals(run, context.simd()));
         // Every Gaussian's rows are one task's, which adds the runs in their order: threads change no sum.
         for (block, sums) in sums.iter_mut().enumerate() {
-            let own: Vec<&RunResiduals> = batch.iter().filter(|run| run.block == block).collect();
+            let block_residuals: Vec<&RunResiduals> = batch.iter().filter(|run| run.block == block).collect();
             parallel::for_each_chunk(sums, pairs.len() * RANGE, |task, rows| {
-                own.iter().for_each(|run| run.add_to(rows, &pairs, task * RANGE, (fields.len(), within)));
+                block_residuals.iter().for_each(|run| run.add_to(rows, &pairs, task * RANGE, (fields.len(), within)));
             });
         }
         Ok(())

@@ -132,18 +132,18 @@ impl LoadedModel {
         Ok(*extent.get_or_insert_with(|| Extent { periodic: [false; 3], ..whole_extent() }))
     }
 
-    /// What all pictures of a field have in common; found once for the same field and layers.
+    /// What all pictures of a field have in common, computed once for the same field and layers.
     pub(crate) fn field_facts(&mut self, request: &SceneRequest, field: &FieldRequest) -> Result<FieldFacts> {
         let CompleteModel { full, facts, .. } = self.whole()?;
-        if let Some((last_field, layers, found)) = facts
+        if let Some((last_field, layers, last_facts)) = facts
             && last_field == field
             && *layers == request.layers
         {
-            return Ok(found.clone());
+            return Ok(last_facts.clone());
         }
-        let found = FieldFacts::new(&full.model, request, field)?;
-        *facts = Some((field.clone(), request.layers.clone(), found.clone()));
-        Ok(found)
+        let field_facts = FieldFacts::new(&full.model, request, field)?;
+        *facts = Some((field.clone(), request.layers.clone(), field_facts.clone()));
+        Ok(field_facts)
     }
 
     fn whole(&mut self) -> Result<&mut CompleteModel> {

@@ -1,7 +1,7 @@
 //! Maps of a field: its weighted mean along each line of sight, or its dispersion about that (docs/law/fields.md).
 
 use super::field_query::{FieldQuery, MapComponent};
-use super::field_strokes::{FieldFootprint, FieldStroke, FieldSums, SumKind, draw};
+use super::field_strokes::{FieldFootprint, FieldStroke, FieldTerms, SumKind, draw};
 use super::lens::Lens;
 use super::pixel_moments::{DepthCut, LogExcess, WeightFootprint};
 use super::project::{CameraGaussian, DepthMoments, slices};
@@ -60,7 +60,7 @@ pub fn field_map(
     // Planes are float32, which would not hold squares of very large or very small values.
     let largest = if kind == SumKind::Exponential { range[0].abs().max(range[1].abs()) } else { half_width };
     let (reference, scale) = (overall_mean(&all, query), float32_scale(largest));
-    let sums = FieldSums { kind, reference, scale, weighed: query.by.is_some() };
+    let sums = FieldTerms { kind, reference, scale, weighed: query.by.is_some() };
     let least = least_density(scene, &all, query, Lens::density(view, size, [0.0; 3])?.unit);
     let scene = Scene { parts: all, shifts: scene.shifts.clone(), ..*scene };
     let cell = view.centered_cell();
@@ -210,7 +210,7 @@ fn mean_weight(parts: &[(&Mixture, f64)], query: &FieldQuery) -> f64 {
 fn drawn(
     scene: &Scene,
     query: &FieldQuery,
-    sums: &FieldSums,
+    sums: &FieldTerms,
     (view, size): (&DensityView, Size),
     context: &Context<'_>,
 ) -> Result<Vec<Plane>> {

@@ -15,7 +15,7 @@ const CUT: f64 = 30.0;
 
 /// What is summed beside the weight, in units that float32 holds.
 #[derive(Clone, Copy)]
-pub(super) struct FieldSums {
+pub(super) struct FieldTerms {
     pub kind: SumKind,
     /// The number that is subtracted from values; not from those of exponentials.
     pub reference: f64,
@@ -36,7 +36,7 @@ pub(super) enum SumKind {
     Square,
 }
 
-impl FieldSums {
+impl FieldTerms {
     /// The number of planes.
     pub fn planes(&self) -> usize {
         2 + usize::from(self.kind == SumKind::Square) + usize::from(self.weighed)
@@ -88,7 +88,7 @@ struct SlabStroke {
 
 impl FieldFootprint {
     /// On the plane that suits it; `None` where it does not touch the picture.
-    pub fn placed(self, levels: &[Level], sums: &FieldSums) -> Option<FieldStroke> {
+    pub fn placed(self, levels: &[Level], sums: &FieldTerms) -> Option<FieldStroke> {
         // Where an end cuts the footprint, its share falls as steeply as depth's deviation lets it.
         let per_deviation = |s: &DepthCut| s.tilt.map(|t| t / s.deviation);
         let steepness = self.slab.as_ref().map(per_deviation).map_or(0.0, |[x, y]| x * x + y * y);
@@ -129,7 +129,7 @@ pub(super) fn draw<'a>(
     level: SimdLevel,
     band: &mut Band,
     strokes: impl Iterator<Item = &'a FieldStroke> + Clone,
-    sums: &FieldSums,
+    sums: &FieldTerms,
 ) {
     match sums.planes() {
         2 => fearless_simd::dispatch!(level, simd => draw_all::<_, 2>(simd, band, strokes, sums)),
@@ -143,7 +143,7 @@ fn draw_all<'a, S: Simd, const N: usize>(
     simd: S,
     band: &mut Band,
     strokes: impl Iterator<Item = &'a FieldStroke>,
-    sums: &FieldSums,
+    sums: &FieldTerms,
 ) {
     let lanes = lanes(simd);
     let plane = band.stride / N;
@@ -186,7 +186,7 @@ impl FieldStroke {
         simd: S,
         weight: f32x8<S>,
         [x, y]: [f32x8<S>; 2],
-        sums: &FieldSums,
+        sums: &FieldTerms,
     ) -> [f32x8<S>; N] {
         let value = x * self.tilt[0] + (y * self.tilt[1] + self.value);
         let mut terms = [weight; N];
@@ -282,7 +282,7 @@ fn mills<S: Simd>(z: f32x8<S>) -> f32x8<S> {
 
 impl FieldFootprint {
     /// What a pixel gets where another field weighs, at a place from the centre: the weight, what the sums want, the mass.
-    fn weighed_terms(&self, weight: f64, place: [f64; 2], sums: &FieldSums) -> [f64; 4] {
+    fn weighed_terms(&self, weight: f64, place: [f64; 2], sums: &FieldTerms) -> [f64; 4] {
         let share = self.slab.as_ref().map_or(1.0, |s| s.moments(place, 0.0)[0]);
         let mass = weight * share;
         let Some(by) = self.by.as_ref().filter(|_| mass > 0.0) else { return [0.0; 4] };
