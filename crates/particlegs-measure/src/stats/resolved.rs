@@ -137,16 +137,14 @@ impl<Q: CellQuantity> ResolvedGaussian<Q> {
     fn add_row(&self, row: &mut [Q::Sum], [dx, dy, middle]: [f64; 3], half: f64, least: f64) {
         let (zz, count) = (self.inverse.0[5], self.fine.cells[2]);
         let (run, n) = (cells(middle, half), count as i64);
-        let mut run = if self.fine.periodic[2] { run } else { run.start.max(0)..run.end.min(n) };
+        let run = if self.fine.periodic[2] { run } else { run.start.max(0)..run.end.min(n) };
         if run.is_empty() {
             return;
         }
-        // Lanes of one cell, where cells have so many parts: its first ones may lie beyond the reach.
+        // Lanes of one cell, where cells have so many parts.
         let are_together = 1 << self.halvings >= LANES;
-        if are_together {
-            run.start -= run.start.rem_euclid(LANES as i64);
-        }
-        let dz = run.start as f64 + 0.5 - middle;
+        let first = if are_together { run.start - run.start.rem_euclid(LANES as i64) } else { run.start };
+        let dz = first as f64 + 0.5 - middle;
         // exp(-zz (dz + 1)^2 / 2) over exp(-zz dz^2 / 2): the step to the next part.
         let (mut value, mut ratio) =
             (self.peak * libm::exp(-0.5 * (least + zz * dz * dz)), libm::exp(-zz * (dz + 0.5)));
@@ -160,11 +158,17 @@ impl<Q: CellQuantity> ResolvedGaussian<Q> {
         let fourth = square * square;
         steps = steps.map(|r| (r * r) * (r * r) * (square * fourth));
         let further = (fourth * fourth) * (fourth * fourth);
-        let mut k = run.start.rem_euclid(n) as usize;
-        for part in run.clone().step_by(LANES) {
+        let mut k = first.rem_euclid(n) as usize;
+        for part in (first..run.end).step_by(LANES) {
             let from_mean = [dx, dy, part as f64 + 0.5 - self.mean[2]];
             if are_together {
-                self.quantity.add_parts(&mut row[k >> self.halvings], values, from_mean);
+                let mut masses = values;
+                // What lies beyond the reach is left out of the first and the last lanes.
+                if part < run.start || part + LANES as i64 > run.end {
+                    let is_in = |lane: usize| run.contains(&(part + lane as i64));
+                    masses.iter_mut().enumerate().filter(|(lane, _)| !is_in(*lane)).for_each(|(_, mass)| *mass = 0.0);
+                }
+                self.quantity.add_parts(&mut row[k >> self.halvings], masses, from_mean);
                 k = if k + LANES == count { 0 } else { k + LANES };
             } else {
                 for (lane, value) in values[..LANES.min((run.end - part) as usize)].iter().enumerate() {
