@@ -35,7 +35,7 @@ CANDIDATES = 12
 
 
 def least(stage, n, k, effort):
-    """GB moved and thousand million operations, at least: 12 bytes a particle, 48 bytes of sums a candidate."""
+    """Bytes to move and operations to compute, at least: a particle has 12 bytes, a candidate 48 bytes of sums."""
     steps, searches, rounds = WORK[effort]
     cached = max(log2(12 * n / 2e6), 1)  # levels of cuts above what 2 MB of cache hold
     return {
@@ -51,14 +51,14 @@ def least(stage, n, k, effort):
 
 
 def profile(binary, files, ratio, effort, folder):
-    said, data = folder / "said.json", folder / "perf.data"
+    report, data = folder / "said.json", folder / "perf.data"
     n = 0
     for path in map(Path, files):
         sizes = [f.stat().st_size for f in (path.glob("*.f32") if path.is_dir() else [path])]
         n = max(n, max(sizes) // 4)
     rate = 997 if n < 1e7 else 197 if n < 1e8 else 29
     command = [binary, "compress", *files, "--ratio", ratio, "--effort", effort, "--certificate", "quick", "--threads", "2",
-               "-o", str(folder / "m.pgs"), "--force", "-q", "--json", str(said)]
+               "-o", str(folder / "m.pgs"), "--force", "-q", "--json", str(report)]
     subprocess.run(["perf", "record", "-q", "-F", str(rate), "--call-graph", "dwarf,8192", "-o", str(data), *command], check=True,
                    stderr=subprocess.DEVNULL)
     script = subprocess.Popen(["perf", "script", "-i", str(data), "-F", "ip,sym"], stdout=subprocess.PIPE, text=True,
@@ -71,7 +71,7 @@ def profile(binary, files, ratio, effort, folder):
             text = "".join(stack)
             seconds[next((name for name, pattern in STAGES if re.search(pattern, text)), "system, and not known")] += 1 / rate
             stack = []
-    return json.loads(said.read_text()), seconds
+    return json.loads(report.read_text()), seconds
 
 
 def main():
@@ -79,18 +79,18 @@ def main():
     version = subprocess.run([binary, "--version"], capture_output=True, text=True, check=True).stdout.strip()
     print("# Where the time of a compression goes\n")
     print("```sh\nscripts/stage-times.py particlegs " + " ".join(c.split("=")[0] + "=..." for c in cases) + "\n```\n")
-    print(f"{version}. Processor seconds by a sampling profiler (its own work included: 5 to 10 %), and gigabytes to move and "
-          "thousand millions of operations that the stage needs at least; a core here moves some 10 GB/s and computes some "
-          "20 to 50 thousand millions of float32 operations a second. Stages without such a bound have a dash.\n")
+    print(f"{version}. Processor seconds by a sampling profiler (its own work included: 5 to 10 %), and the gigabytes "
+          "to move and the billions of operations that each stage needs at least. A core moves about 10 GB/s and computes 20 "
+          "to 50 billion float32 operations a second. Stages without such a bound have a dash.\n")
     for case in cases:
         name, rest = case.split("=")
         files, ratio = rest.rsplit("@", 1)
         for effort in WORK:
             with tempfile.TemporaryDirectory() as folder:
-                said, seconds = profile(binary, files.split(","), ratio, effort, Path(folder))
-            n, k = said["particles"], said["gaussians"]
-            print(f"## {name}: {n:,} particles, {k:,} Gaussians, `--effort {effort}`: {said['seconds']:.1f} s\n")
-            print("| stage | processor s | share, % | GB at least | operations at least, 1e9 |")
+                report, seconds = profile(binary, files.split(","), ratio, effort, Path(folder))
+            n, k = report["particles"], report["gaussians"]
+            print(f"## {name}: {n:,} particles, {k:,} Gaussians, `--effort {effort}`: {report['seconds']:.1f} s\n")
+            print("| stage | processor s | share, % | GB at least | billion operations at least |")
             print("|---|---:|---:|---:|---:|")
             total = sum(seconds.values())
             for stage in [s for s, _ in reversed(STAGES)] + ["system, and not known"]:

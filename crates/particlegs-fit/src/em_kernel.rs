@@ -214,14 +214,14 @@ impl ParticleVector {
     #[inline(always)]
     fn new(points: &[[f32; 3]], weight: Option<&[f32]>, centre: [f32; 3]) -> Self {
         let mut v = ParticleVector { position: [ZERO; 3], mass: ZERO, norm: ZERO, len: points.len() };
-        let mut full = [centre; LANES];
+        let mut padded = [centre; LANES];
         // Most vectors are full: of a fixed length they are turned by shuffles.
-        let full = <&[[f32; 3]; LANES]>::try_from(points).unwrap_or_else(|_| {
-            full[..points.len()].copy_from_slice(points);
-            &full
+        let sixteen = <&[[f32; 3]; LANES]>::try_from(points).unwrap_or_else(|_| {
+            padded[..points.len()].copy_from_slice(points);
+            &padded
         });
         for axis in 0..3 {
-            v.position[axis] = Lanes(std::array::from_fn(|lane| full[lane][axis] - centre[axis]));
+            v.position[axis] = Lanes(std::array::from_fn(|lane| sixteen[lane][axis] - centre[axis]));
         }
         v.norm.0[..points.len()].fill(1.0);
         v.mass.0.iter_mut().zip(weight.unwrap_or(&[])).for_each(|(m, w)| *m = *w);

@@ -43,14 +43,10 @@ impl Moments {
     /// to about 1e-6 of their trace where every particle is looked at.
     pub(super) fn quick(level: Level, xyz: &[[f32; 3]]) -> Self {
         let Some(&reference) = xyz.first() else { return Moments::default() };
-        let (stride, sampled): (usize, Vec<[f32; 3]>);
-        stride = super::cut::stride(xyz.len());
-        let points = if stride == 1 {
-            xyz
-        } else {
-            sampled = xyz.iter().step_by(stride).copied().collect();
-            &sampled
-        };
+        let stride = super::cut::stride(xyz.len());
+        let sampled: Vec<[f32; 3]> =
+            if stride > 1 { xyz.iter().step_by(stride).copied().collect() } else { Vec::new() };
+        let points = if stride > 1 { &sampled } else { xyz };
         let sums = sums(level, points, reference);
         let sample = Moments::from_sums(points.len(), None, reference.map(f64::from), sums);
         Moments { count: xyz.len() as u64, mass: xyz.len() as f64, ..sample }

@@ -7,8 +7,8 @@
 //! every particle.
 
 use super::em::{
-    Candidates, Expectation, ExpectationOptions, GroupStore, GroupedParticles, ParticleGroups, RefinedGaussians,
-    Regularisation, expect, maximise, regroup,
+    Candidates, Expectation, ExpectationOptions, GaussianExchange, GroupStore, GroupedParticles, ParticleGroups,
+    RefinedGaussians, Regularisation, expect, maximise, regroup,
 };
 use super::gain::{Blur, picture_sigma};
 use super::overlap_tree::SearchReach;
@@ -302,8 +302,8 @@ impl Refiner<'_> {
         self.iterate(particles, (&candidates, &expected), gaussians, (first_iterations, is_end), &mut expectation)?;
         self.context.advance(1);
         let (mut store, mut next_store) = (None::<GroupStore>, GroupStore::default());
-        // Those of the round before, once its groups are the Gaussians' own.
-        let mut previous_candidates = None::<Candidates>;
+        // Of the round before, and what it exchanged.
+        let mut previous_candidates = None::<(Candidates, Vec<GaussianExchange>)>;
         let Some(transmittance) = self.shade else { return Ok((expected, born)) };
         for round in 1..=options.rounds {
             let last = round == options.rounds;
@@ -316,8 +316,11 @@ impl Refiner<'_> {
             let particles = store.as_ref().map_or(particles, GroupStore::view);
             // An exchange moves few Gaussians, so that the lists of one search last two rounds.
             let is_searched = (options.rounds - round).is_multiple_of(2);
-            let is_usable = |c: &Candidates| !is_searched && c.cover(particles.groups);
-            let candidates = match previous_candidates.take().filter(is_usable) {
+            let regrouped = previous_candidates
+                .take()
+                .filter(|_| !is_searched)
+                .map(|(candidates, exchanges)| candidates.regrouped(&exchanges, gaussians.len()));
+            let candidates = match regrouped.filter(|candidates| candidates.cover(particles.groups)) {
                 Some(candidates) => candidates,
                 None => self.candidates(particles.groups, gaussians)?,
             };
@@ -332,7 +335,7 @@ impl Refiner<'_> {
             }
             let iterations = if last { options.settling } else { options.iterations };
             self.iterate(particles, (&candidates, &expected), gaussians, (iterations.max(1), last), &mut expectation)?;
-            previous_candidates = Some(candidates.regrouped(&exchanges, gaussians.len()));
+            previous_candidates = Some((candidates, exchanges));
             self.context.advance(1);
         }
         Ok((expected, born))

@@ -14,7 +14,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Version of the folder's layout.
-pub(super) const VERSION: u32 = 4;
+pub(super) const VERSION: u32 = 5;
 
 /// Four million blocks; numbers of JSON take more memory than text.
 pub(super) const FORM: Form = Form { title: "a job's plan", begins: Begins::Object, most: 1 << 30, expansion: 24 };

@@ -145,11 +145,14 @@ impl MeasurementFrame {
                 Some(grid) => rows(&part.field(side, grid, Some(Assignment::Ngp), 0.0)?, width),
                 None => Vec::new(),
             },
-            // A mixture's spectrum needs no second field below two thirds of the Nyquist frequency.
-            SumsSection::Spectrum(1, 1) => Vec::new(),
             SumsSection::Spectrum(side, moved) => {
-                let scheme = scheme_of(side == 0, &self.spectrum);
-                rows(&part.field(side, &self.spectrum_grid(), scheme, 0.5 * moved as f64)?, width)
+                let grid = self.spectrum_grid();
+                let scheme = scheme_of(side == 0, &grid, &self.spectrum);
+                // Without a scheme Gaussians are widened, and the second field is not asked for.
+                match (scheme, moved) {
+                    (None, 1) => Vec::new(),
+                    _ => rows(&part.field(side, &grid, scheme, 0.5 * moved as f64)?, width),
+                }
             }
             SumsSection::View(side, view) => rows(&part.optical_depth(side, &self.views[view])?, width),
             SumsSection::Field(_) => Vec::new(),

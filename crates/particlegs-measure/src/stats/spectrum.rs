@@ -78,7 +78,7 @@ pub(super) fn modes_of(
     o: &SpectrumOptions,
     context: &Context<'_>,
 ) -> Result<Modes> {
-    let scheme = scheme_of(subject.particles().is_some(), o);
+    let scheme = scheme_of(subject.particles().is_some(), grid, o);
     let field = |moved: usize, spare: Option<Field>| match spare {
         Some(field) => deposit_again(subject, field, scheme, 0.5 * moved as f64, context),
         None => deposit_for_modes(subject, grid, scheme, 0.5 * moved as f64, context),
@@ -86,12 +86,17 @@ pub(super) fn modes_of(
     modes_of_fields(&field, (scheme, mean), most, o, context)
 }
 
-/// How mass is shared among cells for a spectrum. A mixture's Gaussians are widened (`None`), unless the window stays in:
-/// then their integrals over cells are taken.
-pub(crate) fn scheme_of(of_particles: bool, o: &SpectrumOptions) -> Option<Assignment> {
+/// Cells along each axis from which on Gaussians are widened. Of fewer, sides differ by more than a thirtieth, and
+/// widened Gaussians would fill the box.
+const WIDENED_FROM: usize = 16;
+
+/// How mass is shared among cells for a spectrum. A mixture's Gaussians are widened (`None`), unless the window stays in
+/// or the box is flat: then their integrals over cells are taken.
+pub(crate) fn scheme_of(of_particles: bool, grid: &Grid, o: &SpectrumOptions) -> Option<Assignment> {
+    let is_widened = o.deconvolved && grid.cells.iter().all(|n| *n >= WIDENED_FROM);
     match of_particles {
         true => Some(o.assignment),
-        false => (!o.deconvolved).then_some(Assignment::Ngp),
+        false => (!is_widened).then_some(Assignment::Ngp),
     }
 }
 
@@ -399,7 +404,7 @@ pub(crate) fn spectra_of(
     let grid = Grid::new(domain, o.cells);
     let most = mode_limits(&grid, domain, o.k_max);
     let modes = |side: usize| {
-        modes_of_fields(&|moved, _| field(side, moved), (scheme_of(side == 0, o), None), most, o, context)
+        modes_of_fields(&|moved, _| field(side, moved), (scheme_of(side == 0, &grid, o), None), most, o, context)
     };
     spectra(&TransformPair { modes: [modes(0)?, modes(1)?], shot_noise: [noise, 0.0], grid }, domain, o, context)
 }

@@ -10,7 +10,7 @@ use super::spectrum::{SpectrumOptions, power_spectra, spectra, transform_pair};
 use super::transform::xi_of_modes;
 use super::{Assignment, Domain, Grid, Subject, deposit, find_groups};
 use particlegs_core::context::Context;
-use particlegs_core::math::Sym3;
+use particlegs_core::math::{Random, Sym3};
 use particlegs_core::space::Cell;
 use particlegs_particles::Particles;
 use particlegs_particles::testing::{from_points, gas, model_of, poisson, tilted_cells};
@@ -55,6 +55,30 @@ fn poisson_points_are_shot_noise_up_to_the_nyquist_frequency() {
     let total: u64 = s.shells.iter().map(|s| s.modes).sum();
     let whole = 4.0 / 3.0 * PI * k_max.powi(3) * 96.0 / (2.0 * PI).powi(3);
     assert!((total as f64 / whole - 1.0).abs() < 0.1, "{total} {whole}");
+}
+
+/// A mixture's power to two thirds of the Nyquist frequency is that of a finer grid; also in a flat box, whose few cells
+/// across keep Gaussians from being widened.
+#[test]
+fn power_of_a_mixture_does_not_depend_on_the_grid() {
+    for (length, most_off) in [([24.0; 3], 1e-3), ([24.0, 24.0, 1.5], 2e-2)] {
+        let gaussian = |i: u64| {
+            let mut r = Random::new(9, 0, i);
+            let (place, size) = (length.map(|l| l * r.uniform()), 0.1 + 0.3 * r.uniform());
+            (place, Sym3([size * size, 0.02 * size, 0.0, size * size, 0.0, 0.5 * size * size]), 1.0 + 9.0 * r.uniform())
+        };
+        let model = model_of(&(0..200).map(gaussian).collect::<Vec<_>>(), length);
+        let k_max = 2.0 / 3.0 * PI * 48.0 / 24.0;
+        let power = |cells| {
+            let subject = Subject::Model(&model);
+            power_spectra([subject, subject], &domain(length), &options(cells, k_max), &Context::SILENT).unwrap().shells
+        };
+        for (coarse, fine) in power(48).iter().zip(power(144)) {
+            assert_eq!((coarse.modes, coarse.k), (fine.modes, fine.k));
+            let off = coarse.power[0] / fine.power[0] - 1.0;
+            assert!(off.abs() < most_off, "{length:?}, k = {}: {off}", coarse.k);
+        }
+    }
 }
 
 /// A displaced lattice: x = q + A sin(2 pi m q / L) has power A^2 k^2 / 4 x V in two modes.
