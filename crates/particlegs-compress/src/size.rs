@@ -158,7 +158,7 @@ fn meet_size(
         let fits = size <= target;
         *(if fits { &mut coarse } else { &mut fine }) = at;
         // Leave when what remains could not buy anything worth another encoding.
-        if fits && target - size <= 16.max(target / 500) || coarse - fine < 1e-4 {
+        if fits && target - size <= 16.max(target / 250) || coarse - fine < 1e-4 {
             break;
         }
         // Aim a little below the target, so that the next step is likely to fit.

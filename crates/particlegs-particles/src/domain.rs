@@ -1,7 +1,7 @@
 //! The region that particles lie in: a box, and the axes along which it repeats.
 
 use crate::Particles;
-use particlegs_core::math::{Sym3, each_axis};
+use particlegs_core::math::{Sym3, each_axis, floor};
 use particlegs_core::model::Model;
 use particlegs_core::space::{Bounds, Cell};
 
@@ -229,8 +229,7 @@ impl Domain {
     pub fn local(&self, p: [f64; 3]) -> [f64; 3] {
         let x: [f64; 3] = each_axis(|k| p[k] - self.min[k]);
         if let Some(tilt) = &self.tilt {
-            let turns =
-                each_axis(|a| if self.periodic[a] { (tilt.along(&x, a) / self.length[a]).floor() } else { 0.0 });
+            let turns = each_axis(|a| if self.periodic[a] { floor(tilt.along(&x, a) / self.length[a]) } else { 0.0 });
             let back = self.turned(turns);
             return each_axis(|k| x[k] - back[k]);
         }
@@ -258,11 +257,11 @@ impl Domain {
     pub fn shortest_way(&self, d: [f64; 3]) -> [f64; 3] {
         let Some(tilt) = &self.tilt else {
             return each_axis(|k| {
-                if self.periodic[k] { d[k] - self.length[k] * (d[k] / self.length[k]).round() } else { d[k] }
+                if self.periodic[k] { d[k] - self.length[k] * floor(d[k] / self.length[k] + 0.5) } else { d[k] }
             });
         };
         let whole: [f64; 3] =
-            each_axis(|a| if self.periodic[a] { (tilt.along(&d, a) / self.length[a]).round() } else { 0.0 });
+            each_axis(|a| if self.periodic[a] { floor(tilt.along(&d, a) / self.length[a] + 0.5) } else { 0.0 });
         // In a tilted cell the image of the nearest fractions may have a nearer one beside it.
         let beside = |a: usize| if self.periodic[a] { -1..=1 } else { 0..=0 };
         let square = |v: &[f64; 3]| v[0] * v[0] + v[1] * v[1] + v[2] * v[2];

@@ -7,7 +7,7 @@
 
 use super::{CHUNK, Chunk, ChunkBuffer, Domain, Particles};
 use particlegs_core::context::Context;
-use particlegs_core::math::each_axis;
+use particlegs_core::math::{each_axis, floor};
 use particlegs_core::memory::filled;
 use particlegs_core::{Error, Result, parallel};
 use std::collections::BinaryHeap;
@@ -48,13 +48,13 @@ impl<'a> PlaceFinder<'a> {
             return places.extend((0..chunk.len()).map(|i| {
                 let raw: [f64; 3] = each_axis(|k| f64::from(chunk.position[k][i]));
                 let along = tilt.upright(each_axis(|k| raw[k] - self.corner[k]));
-                let turns = each_axis(|a| if periodic[a] { (along[a] / length[a]).floor() } else { 0.0 });
+                let turns = each_axis(|a| if periodic[a] { floor(along[a] / length[a]) } else { 0.0 });
                 let back = self.domain.turned(turns);
                 each_axis(|k| (raw[k] - back[k]) as f32)
             }));
         }
         let inside = |k: usize, raw: f32| {
-            let turns = ((f64::from(raw) - self.corner[k]) / length[k]).floor();
+            let turns = floor((f64::from(raw) - self.corner[k]) / length[k]);
             if periodic[k] && turns != 0.0 { (f64::from(raw) - turns * length[k]) as f32 } else { raw }
         };
         places.extend((0..chunk.len()).map(|i| [0, 1, 2].map(|k| inside(k, chunk.position[k][i])) as LocalPosition));

@@ -1,7 +1,7 @@
 //! Periodic copies: the snapshot repeated along its cell vectors, and positions taken at their images near a point.
 
 use super::{Chunk, Particles};
-use particlegs_core::math::each_axis;
+use particlegs_core::math::{each_axis, floor};
 use particlegs_core::space::{Bounds, Cell};
 use particlegs_core::{Error, Hint, Result};
 
@@ -112,7 +112,7 @@ impl NearestImages {
         let d: [f64; 3] = each_axis(|k| p[k] - self.centre[k]);
         let steps: [f64; 3] = each_axis(|a| {
             let fraction: f64 = (0..3).map(|k| d[k] * self.fractions[k][a]).sum();
-            if self.cell.periodic[a] { fraction.round() } else { 0.0 }
+            if self.cell.periodic[a] { floor(fraction + 0.5) } else { 0.0 }
         });
         each_axis(|k| {
             let shift: f64 = (0..3).map(|a| steps[a] * self.cell.vectors[a][k]).sum();

@@ -2,6 +2,7 @@
 //! over each pixel, cut at three standard deviations (docs/law/depth.md).
 
 use fearless_simd::{Level, Simd, dispatch};
+use particlegs_core::math::floor;
 use particlegs_core::splat::{CUT_SIGMA, LARGEST_MEAN_ALPHA, erf};
 
 /// A splat in pixels, rows upward: centre and how far one deviation of u and of v moves.
@@ -99,8 +100,10 @@ impl Depositor {
         let height = (rows.data.len() / rows.width) as i32;
         // First pixel, its share and the next one's.
         let split = |center: f32, sigma: f32, first: i32| {
-            let pixel = (center - CUT * sigma).floor();
-            let below = self.integral((pixel + 1.0 - center) / sigma);
+            let pixel = floor(f64::from(center - CUT * sigma)) as f32;
+            // Most lie in one pixel, and need no look into the table.
+            let is_in_one = center + CUT * sigma <= pixel + 1.0;
+            let below = if is_in_one { whole } else { self.integral((pixel + 1.0 - center) / sigma) };
             (pixel as i32 - first, [sigma * below, sigma * (whole - below)])
         };
         for &[x, y, sx, sy] in splats {

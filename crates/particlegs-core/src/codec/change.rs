@@ -1,7 +1,7 @@
 //! Changes of a block's Gaussians from one frame of a series to the next (docs/format.md, section 16).
 
 use super::decoder;
-use super::exact::{exp, exp_twice};
+use super::exact::exp_twice;
 use super::field::PreviousField;
 use super::number_model::{
     COUNT, ChangeModels, FIRST_PLACE, LARGEST_LOG, NumberContext, PLACE, SHAPE, SIZE, WEIGHT, in_steps,
@@ -13,6 +13,7 @@ use super::wire::WireReader;
 use super::{Encoder, Precision};
 use crate::context::Context;
 use crate::math::each_axis;
+use crate::math::exp;
 use crate::model::{Block, MASS, Mixture};
 use crate::space::{Bounds, Cell, PeriodicCell};
 use crate::{Error, Result};

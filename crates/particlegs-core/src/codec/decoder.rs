@@ -1,7 +1,6 @@
 //! A block's bytes to Gaussians.
 
 use super::OutOfRange;
-use super::exact::exp;
 use super::file::BlockPart;
 use super::fine::{FineWalk, Leaf};
 use super::header::{BlockHeader, GAUSSIANS_A_BYTE};
@@ -11,6 +10,7 @@ use super::streams::{self, Streams};
 use super::sums::{opacity_of, rescale, whole_counts};
 use super::tree::{SplitNode, gaussians, pieces, trunk};
 use crate::context::Context;
+use crate::math::exp;
 use crate::math::{Sym3, each_axis};
 use crate::memory::filled;
 use crate::model::{AlphaBlend, Block, Law, MASS, Mixture};

@@ -1,38 +1,7 @@
-//! Functions of f64 by named operations in a named order, so that every machine gets the same
-//! bits: `exp`, and the exponential of a symmetric trace-free matrix (docs/format.md, section 9).
+//! The exponential of a symmetric trace-free matrix by named operations in a named order, so that every machine gets the
+//! same bits (docs/format.md, section 9).
 
-use crate::math::Sym3;
-
-/// 1/k! for k = 0 to 17.
-const INVERSE_FACTORIAL: [f64; 18] = {
-    let mut f = [1.0; 18];
-    let mut product = 1.0;
-    let mut k = 1;
-    while k < 18 {
-        product *= k as f64;
-        f[k] = 1.0 / product;
-        k += 1;
-    }
-    f
-};
-
-/// Adding and taking this away rounds a small number to the nearest whole one, ties to even.
-const ROUNDER: f64 = 6_755_399_441_055_744.0;
-
-/// e^x for |x| <= 700 (clamped): k = x / ln 2 rounded, Taylor to degree 13 of the rest.
-#[inline(always)]
-pub(crate) fn exp(x: f64) -> f64 {
-    let x = x.clamp(-700.0, 700.0);
-    let k = (x * std::f64::consts::LOG2_E + ROUNDER) - ROUNDER;
-    // ln 2 in two parts: the first has 32 bits, so that k times it is exact.
-    let r = (x - k * 0.693_147_180_369_123_8) - k * 1.908_214_929_270_587_7e-10;
-    let mut p = INVERSE_FACTORIAL[13];
-    for i in (0..13).rev() {
-        p = p * r + INVERSE_FACTORIAL[i];
-    }
-    // 2^k by its exponent: k is at most 1010 in size, so that it is no subnormal number.
-    p * f64::from_bits(((k as i64 + 1023) as u64) << 52)
-}
+use crate::math::{INVERSE_FACTORIAL, Sym3};
 
 /// Coordinates of a trace-free symmetric matrix in the orthonormal basis of docs/format.md.
 pub(crate) fn to_five(m: &Sym3) -> [f64; 5] {
@@ -99,11 +68,6 @@ mod tests {
 
     proptest! {
         #[test]
-        fn exp_is_exp(x in -690.0f64..690.0) {
-            prop_assert!((exp(x) / x.exp() - 1.0).abs() < 4e-16);
-        }
-
-        #[test]
         fn exp_twice_is_the_matrix_exponential(five in proptest::array::uniform5(-3.5f64..3.5)) {
             let exponential = exp_twice(five);
             let h = std::f64::consts::FRAC_1_SQRT_2;
@@ -120,11 +84,5 @@ mod tests {
                 prop_assert!((truth.0[k] - exponential.0[k]).abs() < 1e-12 * size, "{truth:?} {exponential:?}");
             }
         }
-    }
-
-    #[test]
-    fn exp_keeps_its_ends() {
-        assert_eq!(exp(0.0), 1.0);
-        assert!(exp(1e300).is_finite() && exp(-1e300) > 0.0);
     }
 }

@@ -1,7 +1,7 @@
 //! A field's moments of a block's Gaussians as bytes (docs/format.md, section 14). Values are predicted from Gaussians
 //! already decoded, in a change from the frame before (section 16), and coded in steps of a Gaussian's standard error.
 
-use super::exact::{exp, exp_twice, to_five};
+use super::exact::{exp_twice, to_five};
 use super::number_model::{
     ChangeModels, FieldNumberCoder, FieldPredictor, LARGEST_LOG as LARGEST_CHANGE, NumberContext, expected, in_steps,
 };
@@ -9,6 +9,7 @@ use super::rans::{Coder, RansReader, RansWriter};
 use super::shape::CholeskyFactor;
 use super::sums::compensated;
 use super::wire::WireReader;
+use crate::math::exp;
 use crate::math::{Sym3, each_axis};
 use crate::model::{FieldMoments, Mixture, Quantity, QuantityKind};
 

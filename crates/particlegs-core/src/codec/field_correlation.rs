@@ -1,9 +1,9 @@
 //! Correlations between two scalar fields of a block's Gaussians as bytes (docs/format.md, section 14).
 
-use super::exact::exp;
 use super::number_model::{FieldNumberCoder, FieldPredictor, expected};
 use super::rans::{Coder, RansReader, RansWriter};
 use super::wire::WireReader;
+use crate::math::exp;
 use crate::math::{each_axis, norm};
 use crate::model::Mixture;
 

@@ -2,7 +2,6 @@
 //! (docs/format.md, section 7).
 
 use super::OutOfRange;
-use super::exact::exp;
 use super::header::{BlockHeader, cholesky, limited};
 use super::levels::{NodeContent, TreeNode};
 use super::rans::Coder;
@@ -10,6 +9,7 @@ use super::symbols::Residual;
 use super::tree::{TreeCell, long_uniform};
 use super::trellis::TrellisState;
 use crate::math::Sym3;
+use crate::math::exp;
 
 /// Whole numbers of one Gaussian. `t`, `m`, `w` and `shape` are on half steps (2 k + lattice).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

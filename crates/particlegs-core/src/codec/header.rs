@@ -1,9 +1,10 @@
 //! A block's header: what its stream is decoded with (docs/format.md, section 4), and the precision of its numbers.
 
-use super::exact::{exp, exp_twice};
+use super::exact::exp_twice;
 use super::predictor::{Predictor, SIZE_SLOPES};
 use super::tree::TreeCell;
 use super::wire::WireReader;
+use crate::math::exp;
 use crate::math::{Sym3, each_axis};
 use crate::space::Bounds;
 

@@ -1,10 +1,11 @@
 //! Models between two frames of a series.
 
 use super::change::{FrameMap, TrackedBlock};
-use super::exact::{exp, exp_twice};
+use super::exact::exp_twice;
 use super::series::TrackedModel;
 use super::shape::CholeskyFactor;
 use super::sums::compensated;
+use crate::math::exp;
 use crate::math::{Sym3, each_axis};
 use crate::model::{Block, Epoch, Layer, Metadata, Mixture, Model, Quantity};
 use crate::space::{Bounds, Cell};

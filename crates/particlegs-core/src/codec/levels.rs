@@ -3,11 +3,11 @@
 //! stop after any level: what is known by then is a mixture of fewer, larger Gaussians.
 
 use super::OutOfRange;
-use super::exact::exp;
 use super::header::{BlockHeader, limited};
 use super::rans::Coder;
 use super::symbols::{Residual, SymbolModel};
 use super::tree::{SplitNode, TreeCell};
+use crate::math::exp;
 
 /// Levels of a walk: the last takes all that is left.
 pub(crate) const LEVELS: usize = 256;

@@ -1,7 +1,7 @@
 //! Whole counts that sum to the particles, masses that sum to theirs, and opacities (docs/format.md,
 //! section 10).
 
-use super::exact::exp;
+use crate::math::exp;
 
 /// A sum that does not lose small terms (Neumaier), in the order of the slice.
 pub fn compensated(values: &[f64]) -> f64 {

@@ -1,7 +1,7 @@
 //! Adaptive symbol models and the coding of signed residuals with them (docs/format.md, section 8).
 
-use super::exact::exp;
 use super::rans::{Coder, PROBABILITY_BITS};
+use crate::math::exp;
 
 /// Cumulative counts are kept in 30 bits and used in 15.
 const TOTAL: i32 = 1 << 30;

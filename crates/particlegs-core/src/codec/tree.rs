@@ -234,18 +234,23 @@ fn grid(v: f64, min: f64, extent: f64) -> u64 {
 
 /// Stable partition; returns how many pass.
 fn partition(order: &mut [u32], passes: impl Fn(u32) -> bool) -> usize {
-    let mut rest = Vec::new();
+    let mut few = [0; 64];
+    let mut many = Vec::new();
+    let rest = if order.len() <= few.len() {
+        &mut few[..order.len()]
+    } else {
+        many.resize(order.len(), 0);
+        &mut many[..]
+    };
     let mut low = 0;
     for i in 0..order.len() {
-        let v = order[i];
-        if passes(v) {
-            order[low] = v;
-            low += 1;
-        } else {
-            rest.push(v);
-        }
+        // Written to both sides: nobody can predict a branch here.
+        let (v, high) = (order[i], i - low);
+        (order[low], rest[high]) = (v, v);
+        low += usize::from(passes(v));
     }
-    order[low..].copy_from_slice(&rest);
+    let high = order.len() - low;
+    order[low..].copy_from_slice(&rest[..high]);
     low
 }
 

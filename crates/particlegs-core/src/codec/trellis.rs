@@ -5,6 +5,8 @@
 //! Places are coded on three axes of each Gaussian: the encoder seeks the least error in the Gaussian's own widths
 //! (section 11).
 
+use crate::math::floor;
+
 const STATES: usize = 8;
 /// Next state by (state, parity of the index): Ungerboeck's 8-state code, h0 = 13, h1 = 04 (octal).
 const NEXT: [[u8; 2]; STATES] = [[0, 2], [5, 7], [1, 3], [4, 6], [2, 0], [7, 5], [3, 1], [6, 4]];
@@ -71,7 +73,7 @@ fn nearest(x: f64, parity: i64, range: [i64; 2]) -> Option<i64> {
     if lowest > highest {
         return None;
     }
-    let k = 2.0 * ((x - parity as f64) * 0.5).round() + parity as f64;
+    let k = 2.0 * floor((x - parity as f64) * 0.5 + 0.5) + parity as f64;
     Some(k.clamp(lowest as f64, highest as f64) as i64)
 }
 

@@ -1,11 +1,14 @@
 //! Small mathematics that every module uses: vectors in space, symmetric 3x3 matrices, random draws that
 //! do not depend on order, and functions of whole vectors of numbers.
 
+mod exponential;
 mod random;
 mod sphere;
 mod symmetric;
 mod vector;
 
+pub(crate) use exponential::INVERSE_FACTORIAL;
+pub use exponential::{exp, floor};
 pub use random::{Purpose, Random};
 pub use sphere::{GaussianInSphere, Rules};
 pub use symmetric::{Eigen, Sym3};

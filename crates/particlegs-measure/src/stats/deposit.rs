@@ -118,12 +118,17 @@ pub(super) fn model_planes(grid: &Grid) -> usize {
     grid.cells[0].div_ceil(MODEL_SLABS).max(MODEL_PLANES)
 }
 
-/// A particle in units of cells.
-type CellRecord = ([f64; 3], f64);
+/// A particle's place in units of cells, and its weight. (Float32 rounds by a ten-thousandth of a cell on a grid of 2000.)
+type CellRecord = ([f32; 3], f32);
+
+/// The place of particles that are in no cell.
+const OUTSIDE: [f32; 3] = [-1.0; 3];
 
 /// A chunk's particles sorted by plane, and where each plane begins.
 struct SortedChunk {
     records: Vec<CellRecord>,
+    /// Mass of weight 1.
+    unit: f64,
     start: Vec<u32>,
     outside: f64,
 }
@@ -137,7 +142,7 @@ fn add_particles(
 ) -> Result<()> {
     let grid = field.grid;
     // Particles reach one plane further on either side: with thinner slabs most would be visited twice.
-    let (plane, depth) = (grid.cells[1] * grid.cells[2], grid.cells[0].div_ceil(SLABS).max(4));
+    let (plane, depth) = (grid.cells[1] * grid.cells[2], grid.cells[0].div_ceil(SLABS).max(8));
     let chunks = p.len().div_ceil(RUN);
     // Thousands of small shares meet in a cell: they are summed in f64.
     let mut sums = if sums_stay(&grid, p.len() as u64) { vec![0.0f64; grid.len()] } else { Vec::new() };
@@ -173,22 +178,22 @@ fn sort_by_plane(grid: &Grid, p: &Particles, range: Range<usize>, shift: f64) ->
     let chunk = p.chunk(range, &mut buffer);
     let scale = grid.side.map(f64::recip);
     let unit = p.meta.particle_mass.unwrap_or(1.0);
-    let weight = |i: usize| unit * chunk.weight.map_or(1.0, |w| f64::from(w[i]));
+    let weight = |i: usize| chunk.weight.map_or(1.0, |w| w[i]);
     let corner: [f64; 3] = each_axis(|k| p.origin[k] - grid.min[k]);
-    let cell = |i: usize| {
+    let place_of = |i: usize| {
         let mut d: [f64; 3] = each_axis(|k| f64::from(chunk.position[k][i]) + corner[k]);
         if let Some(tilt) = &grid.tilt {
             d = tilt.upright(d);
         }
-        let mut u: [f64; 3] = each_axis(|k| d[k] * scale[k] + shift);
-        (0..3).all(|k| place(grid, k, &mut u[k])).then_some(u)
+        let u: [f32; 3] = each_axis(|k| place(grid, k, d[k] * scale[k] + shift));
+        if u.iter().all(|u| *u >= 0.0) { u } else { OUTSIDE }
     };
-    // Counted first and computed again: quicker than records that are written twice.
+    let places: Vec<[f32; 3]> = (0..chunk.len()).map(place_of).collect();
     let (mut start, mut outside) = (vec![0u32; grid.cells[0] + 1], 0.0);
-    for i in 0..chunk.len() {
-        match cell(i) {
-            Some(u) => start[u[0] as usize + 1] += 1,
-            None => outside += weight(i),
+    for (i, u) in places.iter().enumerate() {
+        match *u == OUTSIDE {
+            false => start[u[0] as usize + 1] += 1,
+            true => outside += unit * f64::from(weight(i)),
         }
     }
     for i in 0..grid.cells[0] {
@@ -196,36 +201,27 @@ fn sort_by_plane(grid: &Grid, p: &Particles, range: Range<usize>, shift: f64) ->
     }
     let mut next = start.clone();
     let mut records = vec![([0.0; 3], 0.0); start[grid.cells[0]] as usize];
-    for i in 0..chunk.len() {
-        if let Some(u) = cell(i) {
-            let at = &mut next[u[0] as usize];
-            records[*at as usize] = (u, weight(i));
-            *at += 1;
-        }
+    for (i, u) in places.into_iter().enumerate().filter(|(_, u)| *u != OUTSIDE) {
+        let at = &mut next[u[0] as usize];
+        records[*at as usize] = (u, weight(i));
+        *at += 1;
     }
-    SortedChunk { records, start, outside }
+    SortedChunk { records, unit, start, outside }
 }
 
-/// Brings a coordinate into [0, cells), or says that it lies outside. An open grid's far end
-/// belongs to its last cell.
-fn place(grid: &Grid, axis: usize, u: &mut f64) -> bool {
-    let n = grid.cells[axis] as f64;
-    if *u >= 0.0 && *u < n {
-        return true;
+/// A coordinate in [0, cells), or -1 outside. An open grid's far end belongs to its last cell.
+#[inline]
+fn place(grid: &Grid, axis: usize, u: f64) -> f32 {
+    let n = grid.cells[axis] as f32;
+    // Rounding may end at n.
+    let below = |u: f64| (u as f32).min(n.next_down());
+    if u >= 0.0 && u < f64::from(n) {
+        below(u)
+    } else if grid.periodic[axis] {
+        below(u.rem_euclid(f64::from(n)))
+    } else {
+        if u == f64::from(n) { n.next_down() } else { -1.0 }
     }
-    if grid.periodic[axis] {
-        *u = u.rem_euclid(n);
-        // The remainder of a tiny negative number is rounded up to n.
-        if *u >= n {
-            *u = 0.0;
-        }
-        return true;
-    }
-    if *u == n {
-        *u = n.next_down();
-        return true;
-    }
-    false
 }
 
 /// Adds a sorted chunk's particles in some planes; `out` holds those planes alone.
@@ -234,7 +230,7 @@ fn add_to_planes(grid: &Grid, sorted: &SortedChunk, scheme: Assignment, planes: 
     let reach = usize::from(scheme != Assignment::Ngp);
     let mut visit = |plane: usize| {
         for r in &sorted.records[sorted.start[plane] as usize..sorted.start[plane + 1] as usize] {
-            add_record(grid, r, scheme, &planes, out);
+            add_record(grid, (r.0, sorted.unit * f64::from(r.1)), scheme, &planes, out);
         }
     };
     if planes.len() + 2 * reach >= n {
@@ -252,9 +248,9 @@ fn add_to_planes(grid: &Grid, sorted: &SortedChunk, scheme: Assignment, planes: 
 }
 
 #[inline]
-fn add_record(grid: &Grid, (u, weight): &CellRecord, scheme: Assignment, planes: &Range<usize>, out: &mut [f64]) {
+fn add_record(grid: &Grid, (u, mass): ([f32; 3], f64), scheme: Assignment, planes: &Range<usize>, out: &mut [f64]) {
     let order = scheme.order();
-    let axes: [(i64, [f64; 3]); 3] = each_axis(|k| scheme.weights(u[k]));
+    let axes: [(i64, [f64; 3]); 3] = each_axis(|k| scheme.weights(f64::from(u[k])));
     let cells_along = |k: usize| -> [usize; 3] { std::array::from_fn(|a| grid.wrap(k, axes[k].0 + a as i64)) };
     let (columns, depths) = (cells_along(1), cells_along(2));
     // All but the particles at an edge reach cells that lie side by side.
@@ -266,7 +262,7 @@ fn add_record(grid: &Grid, (u, weight): &CellRecord, scheme: Assignment, planes:
         }
         for b in 0..order {
             let row = ((i - planes.start) * grid.cells[1] + columns[b]) * grid.cells[2];
-            let share = weight * axes[0].1[a] * axes[1].1[b];
+            let share = mass * axes[0].1[a] * axes[1].1[b];
             if side_by_side {
                 let cells = &mut out[row + depths[0]..][..order];
                 cells.iter_mut().zip(axes[2].1).for_each(|(cell, weight)| *cell += share * weight);
@@ -292,6 +288,7 @@ fn add_mixtures(
         let planes = slab * depth..slab * depth + out.len() / plane;
         // Sums of many small shares: f64, rounded once.
         let (mut sum, mut splat) = (vec![0.0f64; out.len()], DepositScratch::default());
+        splat.narrowest = widened;
         let mut slab = Slab { grid: &moved_grid, planes, cells: &mut sum };
         for m in parts {
             for i in 0..m.len() {

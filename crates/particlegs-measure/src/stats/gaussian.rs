@@ -21,6 +21,8 @@ const FLATTEST: f64 = 1.0 / 16.0;
 
 #[derive(Default)]
 pub(crate) struct DepositScratch {
+    /// A deviation that no Gaussian is narrower than, or 0: where the grid resolves it no principal axes are sought.
+    pub narrowest: f64,
     nodes: [Vec<(f64, f64)>; 3],
     shares: [Vec<(usize, f64)>; 3],
 }
@@ -39,6 +41,11 @@ impl DepositScratch {
         (mass, quantity): (f64, &Q),
     ) {
         let g = slab.grid;
+        if self.narrowest > 0.0
+            && let Some(resolved) = ResolvedGaussian::new(g, mean, cov, self.narrowest, (mass, quantity))
+        {
+            return resolved.add_to(slab);
+        }
         let cell = g.side[0].min(g.side[1]).min(g.side[2]);
         let diagonal = [cov.0[0], cov.0[3], cov.0[5]].map(|v| v.max(0.0).sqrt());
         if diagonal.iter().all(|s| *s <= SMALLEST * cell) {

@@ -7,7 +7,7 @@
 
 use super::Grid;
 use super::gaussian::{CellQuantity, Slab};
-use particlegs_core::math::{Sym3, each_axis};
+use particlegs_core::math::{Sym3, each_axis, exp, floor};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -97,7 +97,7 @@ impl<Q: CellQuantity> ResolvedGaussian<Q> {
             line,
             half: half[0],
             peak,
-            step: libm::exp(-zz),
+            step: exp(-zz),
             quantity: quantity.widened(&inverse, g.side),
         })
     }
@@ -117,38 +117,66 @@ impl<Q: CellQuantity> ResolvedGaussian<Q> {
             if left <= 0.0 {
                 continue;
             }
-            for j in cells(self.mean[1] - pxy / pyy * dx, (left / pyy).sqrt()) {
-                let Some(line) = place(g, 1, j) else { continue };
-                let dy = j as f64 + 0.5 - self.mean[1];
-                let least = pxx * dx * dx + 2.0 * pxy * dx * dy + pyy * dy * dy;
-                if least >= most {
-                    continue;
+            let lines = cells(self.mean[1] - pxy / pyy * dx, (left / pyy).sqrt());
+            for first in lines.clone().step_by(LANES) {
+                let dy: [f64; LANES] = std::array::from_fn(|lane| (first + lane as i64) as f64 + 0.5 - self.mean[1]);
+                // The exponent's least value in each row, and where it is.
+                let least = dy.map(|dy| pxx * dx * dx + 2.0 * pxy * dx * dy + pyy * dy * dy);
+                let middle = dy.map(|dy| self.mean[2] - (xz * dx + yz * dy) / zz);
+                let rows = self.rows(least, middle);
+                for lane in 0..LANES.min((lines.end - first) as usize) {
+                    let Some(line) = place(g, 1, first + lane as i64).filter(|_| least[lane] < REACH * REACH) else {
+                        continue;
+                    };
+                    let row = slab.grid.index([plane - planes.start, line >> self.halvings, 0]);
+                    let sums = &mut held[row..row + slab.grid.cells[2]];
+                    self.add_row(sums, &rows[lane], [dx, dy[lane]]);
                 }
-                let middle = self.mean[2] - (xz * dx + yz * dy) / zz;
-                let row = slab.grid.index([plane - planes.start, line >> self.halvings, 0]);
-                let row = &mut held[row..row + slab.grid.cells[2]];
-                self.add_row(row, [dx, dy, middle], ((most - least) / zz).sqrt(), least);
             }
         }
     }
 
-    /// One row along z, `dx` and `dy` from the mean, about `middle`, where the exponent is -`least` / 2.
+    /// Runs of rows about `middle`, where the exponent is -`least` / 2, side by side.
     #[inline]
-    fn add_row(&self, row: &mut [Q::Sum], [dx, dy, middle]: [f64; 3], half: f64, least: f64) {
-        let (zz, count) = (self.inverse.0[5], self.fine.cells[2]);
-        let (run, n) = (cells(middle, half), count as i64);
-        let run = if self.fine.periodic[2] { run } else { run.start.max(0)..run.end.min(n) };
-        if run.is_empty() {
+    fn rows(&self, least: [f64; LANES], middle: [f64; LANES]) -> [RowParts; LANES] {
+        let (zz, count) = (self.inverse.0[5], self.fine.cells[2] as i64);
+        let half = least.map(|least| ((REACH * REACH - least).max(0.0) / zz).sqrt());
+        let run_of = |lane: usize| {
+            let run = cells(middle[lane], half[lane]);
+            if self.fine.periodic[2] { run } else { run.start.max(0)..run.end.min(count) }
+        };
+        let runs: [Range<i64>; LANES] = std::array::from_fn(run_of);
+        // Parts of one cell side by side, where cells have so many.
+        let aligned = if self.has_lanes_of_one_cell() { LANES as i64 } else { 1 };
+        let first: [i64; LANES] = std::array::from_fn(|lane| runs[lane].start - runs[lane].start.rem_euclid(aligned));
+        let dz: [f64; LANES] = std::array::from_fn(|lane| first[lane] as f64 + 0.5 - middle[lane]);
+        let (mut values, mut ratios) = ([0.0; LANES], [0.0; LANES]);
+        for lane in 0..LANES {
+            values[lane] = self.peak * exp(-0.5 * (least[lane] + zz * dz[lane] * dz[lane]));
+            // exp(-zz (dz + 1)^2 / 2) over exp(-zz dz^2 / 2): the step to the next part.
+            ratios[lane] = exp(-zz * (dz[lane] + 0.5));
+        }
+        std::array::from_fn(|lane| RowParts {
+            parts: runs[lane].clone(),
+            first: first[lane],
+            value: values[lane],
+            ratio: ratios[lane],
+        })
+    }
+
+    fn has_lanes_of_one_cell(&self) -> bool {
+        1 << self.halvings >= LANES
+    }
+
+    /// One row along z, `dx` and `dy` from the mean.
+    #[inline]
+    fn add_row(&self, row: &mut [Q::Sum], run: &RowParts, [dx, dy]: [f64; 2]) {
+        let (parts, count) = (&run.parts, self.fine.cells[2]);
+        if parts.is_empty() {
             return;
         }
-        // Lanes of one cell, where cells have so many parts.
-        let are_together = 1 << self.halvings >= LANES;
-        let first = if are_together { run.start - run.start.rem_euclid(LANES as i64) } else { run.start };
-        let dz = first as f64 + 0.5 - middle;
-        // exp(-zz (dz + 1)^2 / 2) over exp(-zz dz^2 / 2): the step to the next part.
-        let (mut value, mut ratio) =
-            (self.peak * libm::exp(-0.5 * (least + zz * dz * dz)), libm::exp(-zz * (dz + 0.5)));
         // Chains of products side by side, each with the steps to four parts on.
+        let (mut value, mut ratio) = (run.value, run.ratio);
         let (mut values, mut steps) = ([0.0; LANES], [0.0; LANES]);
         for lane in 0..LANES {
             (values[lane], steps[lane]) = (value, ratio);
@@ -158,20 +186,20 @@ impl<Q: CellQuantity> ResolvedGaussian<Q> {
         let fourth = square * square;
         steps = steps.map(|r| (r * r) * (r * r) * (square * fourth));
         let further = (fourth * fourth) * (fourth * fourth);
-        let mut k = first.rem_euclid(n) as usize;
-        for part in (first..run.end).step_by(LANES) {
+        let mut k = run.first.rem_euclid(count as i64) as usize;
+        for part in (run.first..parts.end).step_by(LANES) {
             let from_mean = [dx, dy, part as f64 + 0.5 - self.mean[2]];
-            if are_together {
+            if self.has_lanes_of_one_cell() {
                 let mut masses = values;
                 // What lies beyond the reach is left out of the first and the last lanes.
-                if part < run.start || part + LANES as i64 > run.end {
-                    let is_in = |lane: usize| run.contains(&(part + lane as i64));
+                if part < parts.start || part + LANES as i64 > parts.end {
+                    let is_in = |lane: usize| parts.contains(&(part + lane as i64));
                     masses.iter_mut().enumerate().filter(|(lane, _)| !is_in(*lane)).for_each(|(_, mass)| *mass = 0.0);
                 }
                 self.quantity.add_parts(&mut row[k >> self.halvings], masses, from_mean);
                 k = if k + LANES == count { 0 } else { k + LANES };
             } else {
-                for (lane, value) in values[..LANES.min((run.end - part) as usize)].iter().enumerate() {
+                for (lane, value) in values[..LANES.min((parts.end - part) as usize)].iter().enumerate() {
                     let from_mean = [dx, dy, from_mean[2] + lane as f64];
                     self.quantity.add(&mut row[k >> self.halvings], *value, from_mean);
                     k = if k + 1 == count { 0 } else { k + 1 };
@@ -184,9 +212,19 @@ impl<Q: CellQuantity> ResolvedGaussian<Q> {
     }
 }
 
+/// The parts of a row that a Gaussian reaches.
+struct RowParts {
+    parts: Range<i64>,
+    /// The first part that is computed, which may lie before them.
+    first: i64,
+    /// The mass there, and the ratio of the next part's to it.
+    value: f64,
+    ratio: f64,
+}
+
 /// Cells whose centres lie within `half` of `middle`.
 fn cells(middle: f64, half: f64) -> Range<i64> {
-    (middle - half - 0.5).ceil() as i64..(middle + half - 0.5).floor() as i64 + 1
+    -floor(half + 0.5 - middle) as i64..floor(middle + half - 0.5) as i64 + 1
 }
 
 /// The stored cell, or `None` beyond an open edge.
