@@ -102,6 +102,18 @@ impl NearestImages {
     /// Replaces the positions of `columns` (about `origin`) by those of `chunk` (about `offset`) at
     /// their images.
     pub fn nearest(&self, chunk: &Chunk<'_>, offset: [f64; 3], origin: [f64; 3], columns: &mut [Vec<f32>; 4]) {
+        if self.cell.lengths().is_some() {
+            // Axes of an upright box are each on their own, and vectors of numbers.
+            for k in 0..3 {
+                let (centre, fraction, length) = (self.centre[k], self.fractions[k][k], self.cell.vectors[k][k]);
+                let is_periodic = self.cell.periodic[k];
+                let turns = |p: f64| if is_periodic { floor((p - centre) * fraction + 0.5) } else { 0.0 };
+                let nearest = |p: f64| p - turns(p) * length;
+                let positions = chunk.position[k].iter().map(|&v| nearest(f64::from(v) + offset[k]));
+                columns[k].iter_mut().zip(positions).for_each(|(column, p)| *column = (p - origin[k]) as f32);
+            }
+            return;
+        }
         for i in 0..chunk.len() {
             let p = self.nearest_to(each_axis(|k| f64::from(chunk.position[k][i]) + offset[k]));
             (0..3).for_each(|k| columns[k][i] = (p[k] - origin[k]) as f32);

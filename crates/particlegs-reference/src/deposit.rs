@@ -2,7 +2,6 @@
 //! over each pixel, cut at three standard deviations (docs/law/depth.md).
 
 use fearless_simd::{Level, Simd, dispatch};
-use particlegs_core::math::floor;
 use particlegs_core::splat::{CUT_SIGMA, LARGEST_MEAN_ALPHA, erf};
 
 /// A splat in pixels, rows upward: centre and how far one deviation of u and of v moves.
@@ -100,7 +99,8 @@ impl Depositor {
         let height = (rows.data.len() / rows.width) as i32;
         // First pixel, its share and the next one's.
         let split = |center: f32, sigma: f32, first: i32| {
-            let pixel = floor(f64::from(center - CUT * sigma)) as f32;
+            // A small splat that is drawn begins a pixel before the picture at most: from -1 on this is the floor.
+            let pixel = ((center - CUT * sigma + 1.0) as i32 - 1) as f32;
             // Most lie in one pixel, and need no look into the table.
             let is_in_one = center + CUT * sigma <= pixel + 1.0;
             let below = if is_in_one { whole } else { self.integral((pixel + 1.0 - center) / sigma) };

@@ -1,7 +1,6 @@
 //! A plane and coarser ones above it, each of half the resolution, cut into bands of rows.
 
 use super::deposit::RowRun;
-use particlegs_core::math::floor;
 use particlegs_core::parallel;
 use particlegs_core::picture::{Plane, Size};
 
@@ -69,8 +68,8 @@ impl Pyramid {
     #[inline]
     pub fn bands_of(&self, level: usize, y: f32, reach: f32) -> [usize; 2] {
         let l = &self.levels[level];
-        let row =
-            |y: f32| (floor(f64::from(y * l.scale)) as i32).saturating_add(l.pad as i32).clamp(0, l.height as i32 - 1);
+        // Cut at 0 a cast is the floor, and quicker.
+        let row = |y: f32| ((y * l.scale + l.pad as f32).max(0.0) as i32).min(l.height as i32 - 1);
         let band = |y: f32| row(y) as usize / BAND_ROWS;
         [l.first_band + band(y - reach), l.first_band + band(y + reach) + 1]
     }

@@ -42,6 +42,13 @@ pub fn floor(x: f64) -> f64 {
     nearest - f64::from(u8::from(nearest > x))
 }
 
+/// [`floor`] as an index, below 2^51 in size.
+#[inline(always)]
+pub fn floor_index(x: f64) -> i64 {
+    let shifted = x + ROUNDER;
+    shifted.to_bits().wrapping_sub(ROUNDER.to_bits()) as i64 - i64::from(shifted - ROUNDER > x)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -59,6 +66,7 @@ mod tests {
         for x in [0.0, -0.0, 0.5, -0.5, 1.5, 2.5, -1e-300, 0.999_999_999_999_999_9, -1e9 - 0.25, 2f64.powi(50) + 0.75] {
             assert_eq!(floor(x), x.floor());
             assert_eq!(floor(-x), (-x).floor());
+            assert_eq!([x, -x].map(floor_index), [x, -x].map(|x| x.floor() as i64));
         }
         assert!(floor(f64::NAN).is_nan() && floor(f64::INFINITY) == f64::INFINITY);
     }

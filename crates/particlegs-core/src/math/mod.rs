@@ -8,7 +8,7 @@ mod symmetric;
 mod vector;
 
 pub(crate) use exponential::INVERSE_FACTORIAL;
-pub use exponential::{exp, floor};
+pub use exponential::{exp, floor, floor_index};
 pub use random::{Purpose, Random};
 pub use sphere::{GaussianInSphere, Rules};
 pub use symmetric::{Eigen, Sym3};

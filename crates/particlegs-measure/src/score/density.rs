@@ -84,7 +84,7 @@ impl DensityGrid {
 
     fn of_mixture(&self, mixture: &Mixture, context: &Context<'_>) -> Result<Vec<f64>> {
         self.sum_parts(mixture.len(), |grid, range| {
-            let (mut splat, mut slab) = (DepositScratch::default(), Slab::whole(&self.0, grid));
+            let (mut splat, mut slab) = (DepositScratch::new(context.simd(), 0.0), Slab::whole(&self.0, grid));
             for i in range {
                 if i.is_multiple_of(256) {
                     context.check()?;

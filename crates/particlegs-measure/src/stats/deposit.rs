@@ -287,8 +287,7 @@ fn add_mixtures(
     parallel::try_for_each(field.mass.chunks_mut(depth * plane).enumerate(), |(slab, out)| {
         let planes = slab * depth..slab * depth + out.len() / plane;
         // Sums of many small shares: f64, rounded once.
-        let (mut sum, mut splat) = (vec![0.0f64; out.len()], DepositScratch::default());
-        splat.narrowest = widened;
+        let (mut sum, mut splat) = (vec![0.0f64; out.len()], DepositScratch::new(context.simd(), widened));
         let mut slab = Slab { grid: &moved_grid, planes, cells: &mut sum };
         for m in parts {
             for i in 0..m.len() {
@@ -405,7 +404,7 @@ mod tests {
         assert!((field.mass.iter().map(|v| f64::from(*v)).sum::<f64>() - 300.0).abs() < 1e-3);
         assert!((field.mass[grid.index([11, 2, 26])] - 100.0).abs() < 0.5);
         let mut whole = vec![0.0; grid.len()];
-        let (mut splat, mut slab) = (DepositScratch::default(), Slab::whole(&grid, &mut whole));
+        let (mut splat, mut slab) = (DepositScratch::new(Context::SILENT.simd(), 0.0), Slab::whole(&grid, &mut whole));
         (0..2).for_each(|i| splat.add(&mut slab, m.mean_of(i), &m.cov_of(i), 2.0 * m.mass_of(i)));
         assert!(field.mass.iter().zip(&whole).all(|(a, b)| (f64::from(*a) - b).abs() < 1e-5));
     }

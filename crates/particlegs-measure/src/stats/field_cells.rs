@@ -129,7 +129,7 @@ fn in_cells<const N: usize>(
     }
     parallel::try_for_each(slabs.into_iter().enumerate(), |(number, mut columns)| {
         let cells = columns[0].len();
-        let (mut sums, mut splat) = (vec![FieldSum::<N>::default(); cells], DepositScratch::default());
+        let (mut sums, mut splat) = (vec![FieldSum::<N>::default(); cells], DepositScratch::new(context.simd(), 0.0));
         let planes = number * depth..number * depth + cells / plane;
         let mut slab = Slab { grid, planes, cells: &mut sums };
         for (unit, m, f) in parts {

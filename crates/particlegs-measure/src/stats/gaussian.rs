@@ -7,6 +7,7 @@
 
 use super::Grid;
 use super::resolved::{LANES, ResolvedGaussian};
+use particlegs_core::context::Level;
 use particlegs_core::math::{Eigen, Sym3, each_axis, normal_share};
 use std::ops::Range;
 
@@ -19,15 +20,19 @@ const SMALLEST: f64 = 0.1;
 /// Nor than this share of the largest deviation: a bound on the lattice, for flat Gaussians.
 const FLATTEST: f64 = 1.0 / 16.0;
 
-#[derive(Default)]
 pub(crate) struct DepositScratch {
+    simd: Level,
     /// A deviation that no Gaussian is narrower than, or 0: where the grid resolves it no principal axes are sought.
-    pub narrowest: f64,
+    narrowest: f64,
     nodes: [Vec<(f64, f64)>; 3],
     shares: [Vec<(usize, f64)>; 3],
 }
 
 impl DepositScratch {
+    pub fn new(simd: Level, narrowest: f64) -> Self {
+        DepositScratch { simd, narrowest, nodes: Default::default(), shares: Default::default() }
+    }
+
     pub fn add(&mut self, slab: &mut Slab<'_>, mean: [f64; 3], cov: &Sym3, mass: f64) {
         self.add_quantity(slab, mean, cov, (mass, &()));
     }
@@ -44,7 +49,7 @@ impl DepositScratch {
         if self.narrowest > 0.0
             && let Some(resolved) = ResolvedGaussian::new(g, mean, cov, self.narrowest, (mass, quantity))
         {
-            return resolved.add_to(slab);
+            return resolved.add_to(self.simd, slab);
         }
         let cell = g.side[0].min(g.side[1]).min(g.side[2]);
         let diagonal = [cov.0[0], cov.0[3], cov.0[5]].map(|v| v.max(0.0).sqrt());
@@ -58,7 +63,7 @@ impl DepositScratch {
         let thick = eigen.values.map(|v| v.max(kernel * kernel));
         let cov = if deviation[2] < kernel { &Sym3::from_eigen(&Eigen { values: thick, ..eigen }) } else { cov };
         if let Some(resolved) = ResolvedGaussian::new(g, mean, cov, kernel, (mass, quantity)) {
-            return resolved.add_to(slab);
+            return resolved.add_to(self.simd, slab);
         }
         for k in 0..3 {
             nodes(&mut self.nodes[k], deviation[k] * deviation[k] - kernel * kernel, kernel);
@@ -271,7 +276,7 @@ mod tests {
 
     fn deposit(g: &Grid, mean: [f64; 3], cov: &Sym3) -> Vec<f64> {
         let mut out = vec![0.0; g.cells.iter().product()];
-        DepositScratch::default().add(&mut Slab::whole(g, &mut out), mean, cov, 1.0);
+        DepositScratch::new(Level::new(), 0.0).add(&mut Slab::whole(g, &mut out), mean, cov, 1.0);
         out
     }
 
@@ -330,7 +335,7 @@ mod tests {
                     let mut part = vec![0.0; 3 * 144];
                     let mut slab = Slab { grid: &g, planes, cells: &mut part };
                     if slab.may_hold(mean, &cov) {
-                        DepositScratch::default().add(&mut slab, mean, &cov, 1.0);
+                        DepositScratch::new(Level::new(), 0.0).add(&mut slab, mean, &cov, 1.0);
                     }
                     assert_eq!(part, whole[432 * number..432 * (number + 1)]);
                 }

@@ -7,7 +7,8 @@
 
 use super::Grid;
 use super::gaussian::{CellQuantity, Slab};
-use particlegs_core::math::{Sym3, each_axis, exp, floor};
+use fearless_simd::{Level, Simd, dispatch};
+use particlegs_core::math::{Sym3, each_axis, exp, floor_index};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -103,7 +104,12 @@ impl<Q: CellQuantity> ResolvedGaussian<Q> {
     }
 
     /// Adds what lies in a slab.
-    pub fn add_to(&self, slab: &mut Slab<'_, Q::Sum>) {
+    pub fn add_to(&self, simd: Level, slab: &mut Slab<'_, Q::Sum>) {
+        dispatch!(simd, simd => self.add_kernel(simd, slab));
+    }
+
+    #[inline(always)]
+    fn add_kernel<S: Simd>(&self, _simd: S, slab: &mut Slab<'_, Q::Sum>) {
         let (g, planes, held) = (&self.fine, &slab.planes, &mut *slab.cells);
         let [.., xz, _, yz, zz] = self.inverse.0;
         let [pxx, pxy, pyy] = self.projected;
@@ -137,7 +143,7 @@ impl<Q: CellQuantity> ResolvedGaussian<Q> {
     }
 
     /// Runs of rows about `middle`, where the exponent is -`least` / 2, side by side.
-    #[inline]
+    #[inline(always)]
     fn rows(&self, least: [f64; LANES], middle: [f64; LANES]) -> [RowParts; LANES] {
         let (zz, count) = (self.inverse.0[5], self.fine.cells[2] as i64);
         let half = least.map(|least| ((REACH * REACH - least).max(0.0) / zz).sqrt());
@@ -147,8 +153,8 @@ impl<Q: CellQuantity> ResolvedGaussian<Q> {
         };
         let runs: [Range<i64>; LANES] = std::array::from_fn(run_of);
         // Parts of one cell side by side, where cells have so many.
-        let aligned = if self.has_lanes_of_one_cell() { LANES as i64 } else { 1 };
-        let first: [i64; LANES] = std::array::from_fn(|lane| runs[lane].start - runs[lane].start.rem_euclid(aligned));
+        let aside = |start: i64| if self.has_lanes_of_one_cell() { start.rem_euclid(LANES as i64) } else { 0 };
+        let first: [i64; LANES] = std::array::from_fn(|lane| runs[lane].start - aside(runs[lane].start));
         let dz: [f64; LANES] = std::array::from_fn(|lane| first[lane] as f64 + 0.5 - middle[lane]);
         let (mut values, mut ratios) = ([0.0; LANES], [0.0; LANES]);
         for lane in 0..LANES {
@@ -164,12 +170,13 @@ impl<Q: CellQuantity> ResolvedGaussian<Q> {
         })
     }
 
+    #[inline(always)]
     fn has_lanes_of_one_cell(&self) -> bool {
         1 << self.halvings >= LANES
     }
 
     /// One row along z, `dx` and `dy` from the mean.
-    #[inline]
+    #[inline(always)]
     fn add_row(&self, row: &mut [Q::Sum], run: &RowParts, [dx, dy]: [f64; 2]) {
         let (parts, count) = (&run.parts, self.fine.cells[2]);
         if parts.is_empty() {
@@ -186,7 +193,7 @@ impl<Q: CellQuantity> ResolvedGaussian<Q> {
         let fourth = square * square;
         steps = steps.map(|r| (r * r) * (r * r) * (square * fourth));
         let further = (fourth * fourth) * (fourth * fourth);
-        let mut k = run.first.rem_euclid(count as i64) as usize;
+        let mut k = place(&self.fine, 2, run.first).unwrap_or(0);
         for part in (run.first..parts.end).step_by(LANES) {
             let from_mean = [dx, dy, part as f64 + 0.5 - self.mean[2]];
             if self.has_lanes_of_one_cell() {
@@ -223,11 +230,13 @@ struct RowParts {
 }
 
 /// Cells whose centres lie within `half` of `middle`.
+#[inline(always)]
 fn cells(middle: f64, half: f64) -> Range<i64> {
-    -floor(half + 0.5 - middle) as i64..floor(middle + half - 0.5) as i64 + 1
+    -floor_index(half + 0.5 - middle)..floor_index(middle + half - 0.5) + 1
 }
 
 /// The stored cell, or `None` beyond an open edge.
+#[inline(always)]
 fn place(g: &Grid, axis: usize, i: i64) -> Option<usize> {
     let n = g.cells[axis] as i64;
     if (0..n).contains(&i) {
