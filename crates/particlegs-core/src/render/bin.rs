@@ -1,7 +1,11 @@
 //! Footprints sorted to the planes and bands that draw them.
 
-use super::project::Footprint;
+use super::project::{Footprint, FootprintBlock};
 use super::raster::pyramid::{BAND, Level, PAD, SHARPEST};
+use super::raster::{ROUND, exp2};
+use fearless_simd::prelude::*;
+use fearless_simd::{Simd, f32x8};
+use std::f32::consts::PI;
 
 /// Depth that a cut may drop at its edge: below what 8 bits show, however many overlap.
 const FAINTEST: f64 = 1e-4;
@@ -10,8 +14,10 @@ const NEAREST_CUT: f64 = 9.0;
 const FARTHEST_CUT: f64 = 22.0;
 /// exp(-9 / 2): what lies outside the nearest cut.
 const NEAREST_SHARE: f64 = 0.011_108_996_538_242_306;
-/// The cut of footprints that are so small that the pixel grid shows, and what small is (variance).
+/// The cut of footprints that are so small that the pixel grid shows, what lies outside (exp(-10)), and what small is
+/// (variance).
 const SMALL_CUT: f64 = 20.0;
+const SMALL_SHARE: f64 = 4.539_992_976_248_485e-5;
 pub(super) const SMALL: f64 = 0.45;
 
 /// A footprint as the raster wants it, in the pixels of its plane (pad included): 32 bytes, as a GPU reads
@@ -70,6 +76,16 @@ impl<'a> Binner<'a> {
             if let Some(placed) = place(self.levels, f) {
                 self.add_placed(&placed);
             }
+        }
+    }
+
+    /// The same for Gaussian `k` of a block, which is in one piece.
+    #[inline(always)]
+    pub(super) fn add_whole(&mut self, block: &FootprintBlock, k: usize) {
+        let (f, shape, lattice) = block.footprint(k);
+        let choice = (cut(shape.peak, shape.smaller), suited(self.levels, shape.smaller, SHARPEST));
+        if let Some(placed) = shape.place(self.levels, &f, choice, || lattice) {
+            self.add_placed(&placed);
         }
     }
 
@@ -133,63 +149,96 @@ pub(super) fn place_by(
     f: &Footprint,
     choice: impl FnOnce(f64, f64) -> (f64, (usize, f64)),
 ) -> Option<PlacedFootprint> {
-    // In f64: wide enough for every product, and pixel coordinates keep their digits on the way to the plane's.
-    let ([xx, _, yy], across) = (f.cov(), f64::from(f.across));
-    let ([at_x, at_y], sum) = (f.mean.map(f64::from), f64::from(f.sum));
-    // A generous look, before the plane and the cut are known; the exact one follows.
-    let reach = FARTHEST_CUT.sqrt() + 3.0;
-    let far = |at: f64, variance: f64, pixels: usize| {
-        let beyond = (-at).max(at - pixels as f64) - (2 * PAD) as f64;
-        beyond > 0.0 && beyond * beyond > reach * reach * variance
-    };
-    let size = levels[0].size;
-    if far(at_x, xx, size.width) || far(at_y, yy, size.height) {
-        return None;
+    let shape = FootprintShape::new(f);
+    shape.place(levels, f, choice(shape.peak, shape.smaller), || lattice_sum(f.mean.map(f64::from), f.cov()))
+}
+
+/// What a footprint's stroke follows from wherever it is: without a branch, so that loops over many become vectors.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FootprintShape {
+    /// Variance of x.
+    pub across: f64,
+    /// Value at the centre, before its sum over the pixel grid is made exact.
+    pub peak: f64,
+    /// The smaller variance.
+    pub smaller: f64,
+}
+
+impl FootprintShape {
+    /// In f64: wide enough for every product.
+    #[inline(always)]
+    pub fn new(f: &Footprint) -> Self {
+        let [xx, _, yy] = f.cov();
+        let det = f64::from(f.across) * yy;
+        let half_sum = 0.5 * (xx + yy);
+        FootprintShape {
+            across: xx,
+            peak: f64::from(f.sum) / (2.0 * std::f64::consts::PI * det.sqrt()),
+            // The smaller eigenvalue, as a quotient: half the sum less the root would cancel for needles.
+            smaller: det / (half_sum + (half_sum * half_sum - det).max(0.0).sqrt()),
+        }
     }
-    let det = across * yy;
-    if !(det > 0.0 && sum > 0.0) {
-        return None;
+
+    /// The stroke on the plane of the number `level`, ending at `cut2` squared sigmas; `None` where it does not touch the
+    /// picture. `lattice` is the sum of a small one over the pixel grid.
+    #[inline(always)]
+    pub fn place(
+        &self,
+        levels: &[Level],
+        f: &Footprint,
+        (cut2, (level, scale)): (f64, (usize, f64)),
+        lattice: impl FnOnce() -> f64,
+    ) -> Option<PlacedFootprint> {
+        // In f64: pixel coordinates keep their digits on the way to the plane's.
+        let ([at_x, at_y], [xx, yy, across]) =
+            (f.mean.map(f64::from), [self.across, f64::from(f.down), f64::from(f.across)]);
+        // A generous look; the exact one follows.
+        let reach = FARTHEST_CUT.sqrt() + 3.0;
+        let far = |at: f64, variance: f64, pixels: usize| {
+            let beyond = (-at).max(at - pixels as f64) - (2 * PAD) as f64;
+            beyond > 0.0 && beyond * beyond > reach * reach * variance
+        };
+        let size = levels[0].size;
+        if far(at_x, xx, size.width) || far(at_y, yy, size.height) || !(across * yy > 0.0 && f.sum > 0.0) {
+            return None;
+        }
+        let (reach_x, reach_y) = ((cut2 * xx).sqrt(), (cut2 * yy).sqrt());
+        let shape = &levels[level];
+        let pad = PAD as f64;
+        // Planes share their edges, not their pixel centres, which lie half a pixel inside.
+        let x = (at_x + 0.5) * scale - 0.5 + pad;
+        let y = (at_y + 0.5) * scale - 0.5 + pad;
+        let (half_x, half_y) = (reach_x * scale, reach_y * scale);
+        let right = (shape.size.width + 2 * PAD - 1) as f64;
+        let bottom = (shape.rows - 1) as f64;
+        let outside = x + half_x < 0.0 || x - half_x > right || y + half_y < 0.0 || y - half_y > bottom;
+        // Not the negation: what is not a number stays out.
+        if outside || !(x.is_finite() && y.is_finite() && self.peak.is_finite()) {
+            return None;
+        }
+        // What the cut takes away is put back; these two are the most frequent.
+        let kept = match cut2 {
+            NEAREST_CUT => 1.0 - NEAREST_SHARE,
+            SMALL_CUT => 1.0 - SMALL_SHARE,
+            _ => 1.0 - libm::exp(-0.5 * cut2),
+        };
+        // Samples of wide footprints sum to 1 already: only small ones alias on the grid (docs/law/depth.md).
+        let small = self.smaller < SMALL;
+        let lattice = if small { lattice() } else { 1.0 };
+        const HALF_LOG2_E: f64 = 0.5 * std::f64::consts::LOG2_E;
+        let unscale2 = 1.0 / (scale * scale);
+        let splat = RasterSplat {
+            x: x as f32,
+            y: y as f32,
+            slope: f.lean,
+            along: (-HALF_LOG2_E / across * unscale2) as f32,
+            down: (-HALF_LOG2_E / yy * unscale2) as f32,
+            end: (-HALF_LOG2_E * cut2) as f32,
+            peak: (self.peak / (kept * lattice)) as f32,
+            half: half_y as f32,
+        };
+        Some(PlacedFootprint { level, scale, small, stroke: splat })
     }
-    let peak = sum / (2.0 * std::f64::consts::PI * det.sqrt());
-    let half_sum = 0.5 * (xx + yy);
-    // The smaller eigenvalue, as a quotient: half the sum less the root would cancel for needles.
-    let smaller = det / (half_sum + (half_sum * half_sum - det).max(0.0).sqrt());
-    let (cut2, (level, scale)) = choice(peak, smaller);
-    let (reach_x, reach_y) = ((cut2 * xx).sqrt(), (cut2 * yy).sqrt());
-    let shape = &levels[level];
-    let pad = PAD as f64;
-    // Planes share their edges, not their pixel centres, which lie half a pixel inside.
-    let x = (at_x + 0.5) * scale - 0.5 + pad;
-    let y = (at_y + 0.5) * scale - 0.5 + pad;
-    let (half_x, half_y) = (reach_x * scale, reach_y * scale);
-    let right = (shape.size.width + 2 * PAD - 1) as f64;
-    let bottom = (shape.rows - 1) as f64;
-    let outside = x + half_x < 0.0 || x - half_x > right || y + half_y < 0.0 || y - half_y > bottom;
-    // Not the negation: what is not a number stays out.
-    if outside || !(x.is_finite() && y.is_finite() && peak.is_finite()) {
-        return None;
-    }
-    // What the cut takes away is put back; nearest cuts are the most frequent.
-    let outside = if cut2 == NEAREST_CUT { NEAREST_SHARE } else { libm::exp(-0.5 * cut2) };
-    let mut peak = peak / (1.0 - outside);
-    // Samples of wide footprints sum to 1 already: only small ones alias on the grid (docs/law/depth.md).
-    let small = smaller < SMALL;
-    if small {
-        peak /= lattice_sum([at_x, at_y], f.cov());
-    }
-    const HALF_LOG2_E: f64 = 0.5 * std::f64::consts::LOG2_E;
-    let unscale2 = 1.0 / (scale * scale);
-    let splat = RasterSplat {
-        x: x as f32,
-        y: y as f32,
-        slope: f.lean,
-        along: (-HALF_LOG2_E / across * unscale2) as f32,
-        down: (-HALF_LOG2_E / yy * unscale2) as f32,
-        end: (-HALF_LOG2_E * cut2) as f32,
-        peak: peak as f32,
-        half: half_y as f32,
-    };
-    Some(PlacedFootprint { level, scale, small, stroke: splat })
 }
 
 /// The coarsest plane that still shows a variance, where `sharpest` is the least sigma on it, and its scale.
@@ -240,6 +289,39 @@ pub fn lattice_sum(mean: [f64; 2], [xx, xy, yy]: [f64; 3]) -> f64 {
     sum
 }
 
+/// [`lattice_sum`] of eight footprints, to 1e-5.
+#[inline(always)]
+pub(super) fn lattice_sums<S: Simd>(simd: S, [x, y, down, lean, across]: [f32x8<S>; 5]) -> f32x8<S> {
+    const TWO_PI_2: f32 = (2.0 * std::f64::consts::PI * std::f64::consts::PI) as f32;
+    let ([cos_x, sin_x], [cos_y, sin_y]) = (waves(simd, x), waves(simd, y));
+    let mut sum = f32x8::splat(simd, 1.0);
+    for (i, j) in FREQUENCIES {
+        // By the factors of the covariance, whose moments would cancel for needles in f32.
+        let turned = lean * i as f32 + j as f32;
+        let power = (across * (i * i) as f32 + down * turned * turned) * -TWO_PI_2;
+        let (i, k) = (i as usize, j.abs() as usize);
+        let sines = sin_x[i] * sin_y[k] * j.signum() as f32;
+        let term = exp2(power * std::f32::consts::LOG2_E) * (cos_x[i] * cos_y[k] - sines);
+        sum += power.simd_gt(-14.0).select(term + term, f32x8::splat(simd, 0.0));
+    }
+    sum
+}
+
+/// Cosines and sines of 0, 1 and 2 times 2 pi x, |x| < 2^22, to 1e-6.
+#[inline(always)]
+fn waves<S: Simd>(simd: S, x: f32x8<S>) -> [[f32x8<S>; 3]; 2] {
+    // Of pi times the way to the nearest whole number, by the series; then angles are doubled.
+    let x = x - ((x + ROUND) - ROUND);
+    let x2 = x * x;
+    let series = |c: [f32; 5]| c.into_iter().fold(f32x8::splat(simd, 0.0), |sum, c| (sum + c) * x2);
+    let sin = (series([-0.007_370_431, 0.082_145_89, -0.599_264_5, 2.550_164, -5.167_713]) + PI) * x;
+    let cos = series([-0.025_806_89, 0.235_330_63, -1.335_262_8, 4.058_712, -4.934_802]) + 1.0;
+    let double = |cos: f32x8<S>, sin: f32x8<S>| (1.0 - 2.0 * sin * sin, 2.0 * sin * cos);
+    let (cos1, sin1) = double(cos, sin);
+    let (cos2, sin2) = double(cos1, sin1);
+    [[f32x8::splat(simd, 1.0), cos1, cos2], [f32x8::splat(simd, 0.0), sin1, sin2]]
+}
+
 /// The logarithm of [`lattice_sum`]'s change with the mean (x, y) and the covariance (xx, xy, yy).
 pub fn lattice_slope(at: [f64; 2], [xx, xy, yy]: [f64; 3]) -> ([f64; 2], [f64; 3]) {
     const TWO_PI: f64 = 2.0 * std::f64::consts::PI;
@@ -259,4 +341,34 @@ pub fn lattice_slope(at: [f64; 2], [xx, xy, yy]: [f64; 3]) -> ([f64; 2], [f64; 3
         }
     }
     (mean.map(|v| v / sum), cov.map(|v| v / sum))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Random;
+
+    /// Points, blots and needles, at any place within and far from a pixel.
+    #[test]
+    fn sums_of_eight_are_those_of_each() {
+        let simd = fearless_simd::Level::new();
+        for trial in 0..2000 {
+            let mut r = Random::new(1, 0, trial);
+            let mut column = |value: &mut dyn FnMut(&mut Random) -> f64| [0; 8].map(|_| value(&mut r) as f32);
+            let place = &mut |r: &mut Random| 3000.0 * r.uniform() - 500.0;
+            let variance = &mut |r: &mut Random| 1.0 / 12.0 + libm::exp(12.0 * r.uniform() - 8.0);
+            let columns =
+                [column(place), column(place), column(variance), column(&mut |r| 3.0 * r.normal()), column(variance)];
+            let mut sums = [0.0; 8];
+            fearless_simd::dispatch!(simd, simd => {
+                lattice_sums(simd, columns.map(|c| f32x8::from_slice(simd, &c))).store_slice(&mut sums);
+            });
+            for k in 0..8 {
+                let [x, y, down, lean, across] = columns.map(|c| c[k]);
+                let f = Footprint { mean: [x, y], down, lean, across, sum: 1.0 };
+                let exact = lattice_sum([x, y].map(f64::from), f.cov());
+                assert!((f64::from(sums[k]) - exact).abs() < 1e-5, "{f:?}: {} {exact}", sums[k]);
+            }
+        }
+    }
 }

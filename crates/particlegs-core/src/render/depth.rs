@@ -3,7 +3,7 @@
 use super::alpha;
 use super::bin::{Binner, StrokeBins};
 use super::lens::Lens;
-use super::project::{CameraGaussian, project};
+use super::project::{BLOCK, CameraGaussian, FootprintBlock, GaussianBlock, project};
 use super::raster::pyramid::{Level, W};
 use super::raster::{RasterCanvas, clip};
 use super::scene::Scene;
@@ -16,6 +16,7 @@ use crate::model::Mixture;
 use crate::picture::{Gray8, Pixels, Plane, PlaneRows, Size};
 use crate::splat::ToneStyle;
 use crate::{Result, parallel};
+use fearless_simd::Level as SimdLevel;
 
 /// Gaussians projected in one step; fixed, so that sums do not depend on threads.
 const RUN: usize = 4096;
@@ -23,8 +24,6 @@ const RUN: usize = 4096;
 const MOST_RUNS: usize = 64;
 /// ... and strokes of a run, about: they bound the memory where Gaussians fall into very many pieces.
 const MOST_STROKES: usize = 1 << 18;
-/// Gaussians that go from stage to stage together: their columns stay in the nearest cache.
-const BLOCK: usize = 64;
 
 /// Optical depth a pixel: `tau = sum n W N2` (docs/law/depth.md), every Gaussian integrated
 /// along depth. The growth of splats towards the corners is taken where they land.
@@ -137,9 +136,8 @@ pub(super) fn sum<'a>(
         let projected = parallel::map_range(runs.len() - from, |k| {
             context.check()?;
             let run = &runs[runs.len() - 1 - k];
-            let end = run.m.len().min((run.start / RUN + 1) * RUN);
-            let weight = |m: &Mixture, i| weight(m, run.unit_mass, i);
-            Ok(project_run(run.m, run.start..end, lenses, &canvas.levels, &weight))
+            let weight = |i| weight(run.m, run.unit_mass, i);
+            Ok(project_run(run, lenses, &canvas.levels, weight, context.simd()))
         });
         // Strokes are drawn in the order of their Gaussians: what comes after a run that was too much at
         // once waits, and is projected again.
@@ -151,8 +149,7 @@ pub(super) fn sum<'a>(
                 0 => drawn += 1,
                 left => {
                     let at = runs.len() - 1 - drawn;
-                    let end = runs[at].m.len().min((runs[at].start / RUN + 1) * RUN);
-                    runs[at].start = end - left;
+                    runs[at].start = runs[at].end() - left;
                     break;
                 }
             }
@@ -173,6 +170,12 @@ struct GaussianRun<'a> {
     start: usize,
 }
 
+impl GaussianRun<'_> {
+    fn end(&self) -> usize {
+        self.m.len().min((self.start / RUN + 1) * RUN)
+    }
+}
+
 /// Draws all strokes and sums the planes.
 pub fn paint(size: Size, bins: &[StrokeBins], scratch: &mut Scratch, context: &Context<'_>) -> Result<Plane> {
     let mut canvas = RasterCanvas::new(size, 1, scratch, context)?;
@@ -183,26 +186,32 @@ pub fn paint(size: Size, bins: &[StrokeBins], scratch: &mut Scratch, context: &C
 /// Projects a run of Gaussians to strokes; stops where they are too many to be kept. Says how many
 /// Gaussians are left.
 fn project_run(
-    m: &Mixture,
-    range: std::ops::Range<usize>,
+    run: &GaussianRun<'_>,
     lenses: &[Lens],
     levels: &[Level],
-    weight: &(impl Fn(&Mixture, usize) -> f64 + Sync),
+    weight: impl Fn(usize) -> f64,
+    simd: SimdLevel,
 ) -> (StrokeBins, usize) {
+    let (m, range) = (run.m, run.start..run.end());
     let mut binner = Binner::new(levels, range.len() + range.len() / 4);
-    let (mut gaussians, mut footprints) = (Vec::with_capacity(BLOCK), Vec::with_capacity(BLOCK));
+    let (mut block, mut whole, mut pieces) = (GaussianBlock::EMPTY, FootprintBlock::EMPTY, Vec::new());
     for start in range.clone().step_by(BLOCK) {
         if binner.strokes() > MOST_STROKES {
             return (binner.finish(), range.end - start);
         }
+        let numbers = start..range.end.min(start + BLOCK);
+        block.read(m, numbers.clone(), &weight);
         for lens in lenses {
-            gaussians.clear();
-            footprints.clear();
-            let block = start..range.end.min(start + BLOCK);
-            let seen = block.map(|i| (i, weight(m, i))).filter(|(_, w)| *w > 0.0);
-            gaussians.extend(seen.filter_map(|(i, w)| CameraGaussian::from_mixture(lens, m, i, w)));
-            project(lens, &gaussians, &mut footprints);
-            binner.add(&footprints);
+            fearless_simd::dispatch!(simd, simd => whole.project(simd, lens, &block));
+            for (k, i) in numbers.clone().enumerate().filter(|(k, _)| block.weight[*k] > 0.0) {
+                if whole.is_whole[k] {
+                    binner.add_whole(&whole, k);
+                } else if let Some(g) = CameraGaussian::from_mixture(lens, m, i, block.weight[k]) {
+                    pieces.clear();
+                    project(lens, &[g], &mut pieces);
+                    binner.add(&pieces);
+                }
+            }
         }
     }
     (binner.finish(), 0)

@@ -8,11 +8,14 @@
 
 pub mod slices;
 
-use self::slices::{ClipClass, clip_class};
+use self::slices::{ClipClass, clip_class, whole};
+use super::bin::{FootprintShape, lattice_sums};
 use super::lens::Lens;
 use crate::math::{Sym3, dot, each_axis};
 use crate::model::Mixture;
 use crate::splat::PIXEL_VARIANCE;
+use fearless_simd::prelude::*;
+use fearless_simd::{Simd, f32x8};
 
 /// A Gaussian in the camera's axes (right, down, forward), relative to the eye: what the projection reads, 40
 /// bytes, as a GPU reads them. Lengths are in the lens' unit. The covariance is held as its factors
@@ -230,6 +233,94 @@ impl Footprint {
         let aside = dx - lean * dy;
         let peak = sum / (2.0 * std::f64::consts::PI * (down * across).sqrt());
         peak * libm::exp(-0.5 * (dy * dy / down + aside * aside / across))
+    }
+}
+
+/// Gaussians that go from stage to stage together: their columns stay in the nearest cache.
+pub(super) const BLOCK: usize = 64;
+
+/// Gaussians of a mixture in columns, as many as go together, with their weights: what stands beyond the last means nothing.
+pub(super) struct GaussianBlock {
+    mean: [[f64; BLOCK]; 3],
+    cov: [[f64; BLOCK]; 6],
+    pub weight: [f64; BLOCK],
+}
+
+impl GaussianBlock {
+    pub const EMPTY: Self = GaussianBlock { mean: [[0.0; BLOCK]; 3], cov: [[0.0; BLOCK]; 6], weight: [0.0; BLOCK] };
+
+    /// Takes the Gaussians of these numbers.
+    pub fn read(&mut self, m: &Mixture, range: std::ops::Range<usize>, weight: &impl Fn(usize) -> f64) {
+        let n = range.len();
+        for (block, column) in self.mean.iter_mut().zip(&m.mean).chain(self.cov.iter_mut().zip(&m.cov)) {
+            block[..n].copy_from_slice(&column[range.clone()]);
+        }
+        self.weight[..n].iter_mut().zip(range).for_each(|(w, i)| *w = weight(i));
+    }
+}
+
+/// The footprints of a block of Gaussians, as far as these are in one piece, in columns.
+pub(super) struct FootprintBlock {
+    /// Which are.
+    pub is_whole: [bool; BLOCK],
+    /// The columns of [`Footprint`], in its order.
+    footprints: [[f32; BLOCK]; 6],
+    /// The columns of [`FootprintShape`], in its order.
+    shapes: [[f64; BLOCK]; 3],
+    /// Sums over the pixel grid.
+    lattice: [f32; BLOCK],
+}
+
+impl FootprintBlock {
+    pub const EMPTY: Self = FootprintBlock {
+        is_whole: [false; BLOCK],
+        footprints: [[0.0; BLOCK]; 6],
+        shapes: [[0.0; BLOCK]; 3],
+        lattice: [0.0; BLOCK],
+    };
+
+    /// Footprint `k`, what its stroke follows from, and its sum over the pixel grid.
+    #[inline(always)]
+    pub fn footprint(&self, k: usize) -> (Footprint, FootprintShape, f64) {
+        let footprint: [f32; 6] = std::array::from_fn(|c| self.footprints[c][k]);
+        let [across, peak, smaller] = each_axis(|c| self.shapes[c][k]);
+        (bytemuck::cast(footprint), FootprintShape { across, peak, smaller }, f64::from(self.lattice[k]))
+    }
+
+    /// Projects all Gaussians of a block.
+    #[inline(always)]
+    pub fn project<S: Simd>(&mut self, simd: S, lens: &Lens, block: &GaussianBlock) {
+        if lens.perspective {
+            self.project_as::<S, true>(simd, lens, block);
+        } else {
+            self.project_as::<S, false>(simd, lens, block);
+        }
+    }
+
+    #[inline(always)]
+    fn project_as<S: Simd, const PERSPECTIVE: bool>(&mut self, simd: S, lens: &Lens, block: &GaussianBlock) {
+        let lens = Lens { perspective: PERSPECTIVE, ..*lens };
+        // Without branches or calls, so that the compiler makes vectors of these loops.
+        for k in 0..BLOCK {
+            let (mean, cov) = (each_axis(|a| block.mean[a][k]), Sym3(std::array::from_fn(|a| block.cov[a][k])));
+            let g = CameraGaussian::new(&lens.axes, lens.position, mean, &cov, lens.unit * block.weight[k]);
+            let [depth, variance] = g.depths();
+            self.is_whole[k] = clip_class(&lens, depth, variance) == ClipClass::Whole;
+            let footprint: [f32; 6] = bytemuck::cast(g.footprint(&lens, &whole(&lens, depth, variance)));
+            (0..6).for_each(|c| self.footprints[c][k] = footprint[c]);
+        }
+        for k in 0..BLOCK {
+            let footprint: [f32; 6] = std::array::from_fn(|c| self.footprints[c][k]);
+            let shape = FootprintShape::new(&bytemuck::cast(footprint));
+            self.shapes[0][k] = shape.across;
+            self.shapes[1][k] = shape.peak;
+            self.shapes[2][k] = shape.smaller;
+        }
+        for k in (0..BLOCK).step_by(8) {
+            let eight = |c: usize| f32x8::from_slice(simd, &self.footprints[c][k..k + 8]);
+            lattice_sums(simd, [eight(0), eight(1), eight(2), eight(3), eight(4)])
+                .store_slice(&mut self.lattice[k..k + 8]);
+        }
     }
 }
 

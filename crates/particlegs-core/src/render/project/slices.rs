@@ -35,11 +35,12 @@ pub enum ClipClass {
 pub fn clip_class(lens: &Lens, depth: f64, variance: f64) -> ClipClass {
     let reach = REACH * variance.max(0.0).sqrt();
     let [near, far] = lens.range;
-    if depth + reach < near || depth - reach > far {
+    // No short cuts: where many are decided on, the compiler makes vectors of this.
+    if (depth + reach < near) | (depth - reach > far) {
         ClipClass::Outside
-    } else if depth - reach < near
-        || depth + reach > far
-        || (lens.perspective && variance > LARGEST_SPREAD * LARGEST_SPREAD * depth * depth)
+    } else if (depth - reach < near)
+        | (depth + reach > far)
+        | (lens.perspective & (variance > LARGEST_SPREAD * LARGEST_SPREAD * depth * depth))
     {
         ClipClass::Cut
     } else {

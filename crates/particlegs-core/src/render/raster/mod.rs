@@ -105,12 +105,13 @@ impl RasterSplat {
     }
 }
 
+/// 1.5 * 2^23: adding it leaves the nearest whole number in the low bits.
+pub(super) const ROUND: f32 = 12_582_912.0;
+
 /// 2^x for x in [-120, 0], to 3e-6: the whole part goes to the exponent, a polynomial takes the
 /// rest. Below, the exponent wraps and the result means nothing.
 #[inline(always)]
 pub fn exp2<S: Simd>(x: f32x8<S>) -> f32x8<S> {
-    // 1.5 * 2^23: adding it leaves the nearest whole number in the low bits.
-    const ROUND: f32 = 12_582_912.0;
     let shifted = x + ROUND;
     let f = x - (shifted - ROUND);
     let p = f * 0.009_570_1 + 0.055_917_86;
