@@ -32,16 +32,30 @@ pub fn draw(level: Level, band: &mut Band, splats: &[RasterSplat]) {
 fn draw_all<S: Simd>(simd: S, band: &mut Band, splats: &[RasterSplat]) {
     let lanes = lanes(simd);
     for s in splats {
-        for (row, dy) in s.rows(band) {
-            let Some(RowSpan { from, count, aside, fall }) = s.span(dy, band.width) else { continue };
-            let start = row * band.stride + from;
-            let pixels = &mut band.data[start..start + count.next_multiple_of(8)];
-            let mut dx = lanes + aside;
-            for eight in pixels.chunks_exact_mut(8) {
-                (f32x8::from_slice(simd, eight) + s.eight(simd, dx, fall)).store_slice(eight);
-                dx += 8.0;
+        // What the ends of narrow rows spare is less than what it costs to find them.
+        if s.within(4.0) {
+            draw_box::<S, 1>(simd, band, s);
+        } else if s.within(8.0) {
+            draw_box::<S, 2>(simd, band, s);
+        } else {
+            for (row, dy) in s.rows(band) {
+                let Some(RowSpan { from, count, aside, fall }) = s.span(dy, band.width) else { continue };
+                let start = row * band.stride + from;
+                let pixels = &mut band.data[start..start + count.next_multiple_of(8)];
+                s.add(simd, pixels, lanes + aside, fall);
             }
         }
+    }
+}
+
+/// Adds a stroke to the `8 N` pixels about its centre in each of its rows.
+#[inline(always)]
+fn draw_box<S: Simd, const N: usize>(simd: S, band: &mut Band, s: &RasterSplat) {
+    let from = ((s.x - (4 * N) as f32).ceil().max(0.0) as usize).min(band.stride - 8 * N);
+    let dx = lanes(simd) + (from as f32 - s.x);
+    for (row, dy) in s.rows(band) {
+        let start = row * band.stride + from;
+        s.add(simd, &mut band.data[start..start + 8 * N], dx - s.slope * dy, s.down * (dy * dy));
     }
 }
 
@@ -75,6 +89,14 @@ impl RasterSplat {
         (top..end).map(move |row| (row, row as f32 - y))
     }
 
+    /// Whether it ends within so many columns of its centre.
+    #[inline(always)]
+    fn within(&self, columns: f32) -> bool {
+        // Its half width squared is `end / along + (slope half)^2`, and `along` is negative.
+        let aside = self.slope * self.half;
+        self.end > self.along * (columns * columns - aside * aside)
+    }
+
     /// Its pixels in a row of `width`.
     #[inline(always)]
     pub(super) fn span(&self, dy: f32, width: usize) -> Option<RowSpan> {
@@ -94,6 +116,15 @@ impl RasterSplat {
             aside: from - center,
             fall,
         })
+    }
+
+    /// Adds it to a row's pixels, eight at a time, the first of them at `dx` from the row's centre.
+    #[inline(always)]
+    fn add<S: Simd>(&self, simd: S, pixels: &mut [f32], mut dx: f32x8<S>, fall: f32) {
+        for eight in pixels.chunks_exact_mut(8) {
+            (f32x8::from_slice(simd, eight) + self.eight(simd, dx, fall)).store_slice(eight);
+            dx += 8.0;
+        }
     }
 
     /// What it adds to eight pixels at `dx` from the row's centre.
