@@ -149,7 +149,16 @@ pub(super) fn place_by(
     f: &Footprint,
     choice: impl FnOnce(f64, f64) -> (f64, (usize, f64)),
 ) -> Option<PlacedFootprint> {
-    let shape = FootprintShape::new(f);
+    // A generous look, before the plane and the cut are known; the exact one follows.
+    let reach = FARTHEST_CUT.sqrt() + 3.0;
+    let far = |at: f32, variance: f64, pixels: usize| {
+        let beyond = (-f64::from(at)).max(f64::from(at) - pixels as f64) - (2 * PAD) as f64;
+        beyond > 0.0 && beyond * beyond > reach * reach * variance
+    };
+    let (size, shape) = (levels[0].size, FootprintShape::new(f));
+    if far(f.mean[0], shape.across, size.width) || far(f.mean[1], f64::from(f.down), size.height) {
+        return None;
+    }
     shape.place(levels, f, choice(shape.peak, shape.smaller), || lattice_sum(f.mean.map(f64::from), f.cov()))
 }
 
@@ -192,14 +201,7 @@ impl FootprintShape {
         // In f64: pixel coordinates keep their digits on the way to the plane's.
         let ([at_x, at_y], [xx, yy, across]) =
             (f.mean.map(f64::from), [self.across, f64::from(f.down), f64::from(f.across)]);
-        // A generous look; the exact one follows.
-        let reach = FARTHEST_CUT.sqrt() + 3.0;
-        let far = |at: f64, variance: f64, pixels: usize| {
-            let beyond = (-at).max(at - pixels as f64) - (2 * PAD) as f64;
-            beyond > 0.0 && beyond * beyond > reach * reach * variance
-        };
-        let size = levels[0].size;
-        if far(at_x, xx, size.width) || far(at_y, yy, size.height) || !(across * yy > 0.0 && f.sum > 0.0) {
+        if !(across * yy > 0.0 && f.sum > 0.0) {
             return None;
         }
         let (reach_x, reach_y) = ((cut2 * xx).sqrt(), (cut2 * yy).sqrt());
@@ -289,37 +291,51 @@ pub fn lattice_sum(mean: [f64; 2], [xx, xy, yy]: [f64; 3]) -> f64 {
     sum
 }
 
-/// [`lattice_sum`] of eight footprints, to 1e-5.
+/// [`lattice_sum`] of eight footprints, to 1e-5: of their means, and variances and leans as [`Footprint`] has them.
 #[inline(always)]
-pub(super) fn lattice_sums<S: Simd>(simd: S, [x, y, down, lean, across]: [f32x8<S>; 5]) -> f32x8<S> {
-    const TWO_PI_2: f32 = (2.0 * std::f64::consts::PI * std::f64::consts::PI) as f32;
-    let ([cos_x, sin_x], [cos_y, sin_y]) = (waves(simd, x), waves(simd, y));
-    let mut sum = f32x8::splat(simd, 1.0);
-    for (i, j) in FREQUENCIES {
-        // By the factors of the covariance, whose moments would cancel for needles in f32.
-        let turned = lean * i as f32 + j as f32;
-        let power = (across * (i * i) as f32 + down * turned * turned) * -TWO_PI_2;
-        let (i, k) = (i as usize, j.abs() as usize);
-        let sines = sin_x[i] * sin_y[k] * j.signum() as f32;
-        let term = exp2(power * std::f32::consts::LOG2_E) * (cos_x[i] * cos_y[k] - sines);
-        sum += power.simd_gt(-14.0).select(term + term, f32x8::splat(simd, 0.0));
-    }
-    sum
+pub(super) fn lattice_sums<S: Simd>([x, y, down, lean, across]: [f32x8<S>; 5]) -> f32x8<S> {
+    let ([x1, x2], [y1, y2]) = (waves(x), waves(y));
+    let shape = [down, lean, across];
+    let axes = lattice_term(shape, 1.0, 0.0, x1[0]) + lattice_term(shape, 0.0, 1.0, y1[0]);
+    let axes = axes + (lattice_term(shape, 2.0, 0.0, x2[0]) + lattice_term(shape, 0.0, 2.0, y2[0]));
+    let low = lattice_pair(shape, (1.0, x1), (1.0, y1)) + lattice_pair(shape, (1.0, x1), (2.0, y2));
+    let high = lattice_pair(shape, (2.0, x2), (1.0, y1)) + lattice_pair(shape, (2.0, x2), (2.0, y2));
+    let half = axes + (low + high);
+    half + half + 1.0
 }
 
-/// Cosines and sines of 0, 1 and 2 times 2 pi x, |x| < 2^22, to 1e-6.
+/// The terms of the frequencies (i, j) and (i, -j), of their waves.
 #[inline(always)]
-fn waves<S: Simd>(simd: S, x: f32x8<S>) -> [[f32x8<S>; 3]; 2] {
-    // Of pi times the way to the nearest whole number, by the series; then angles are doubled.
+fn lattice_pair<S: Simd>(
+    shape: [f32x8<S>; 3],
+    (i, [cos_x, sin_x]): (f32, [f32x8<S>; 2]),
+    (j, [cos_y, sin_y]): (f32, [f32x8<S>; 2]),
+) -> f32x8<S> {
+    let (cosines, sines) = (cos_x * cos_y, sin_x * sin_y);
+    lattice_term(shape, i, j, cosines - sines) + lattice_term(shape, i, -j, cosines + sines)
+}
+
+/// What a frequency adds, half of it, of its wave.
+#[inline(always)]
+fn lattice_term<S: Simd>([down, lean, across]: [f32x8<S>; 3], i: f32, j: f32, wave: f32x8<S>) -> f32x8<S> {
+    const TWO_PI_2: f32 = 2.0 * PI * PI;
+    // By the factors of the covariance, whose moments would cancel for needles in f32.
+    let turned = lean * i + j;
+    let power = (across * (i * i) + down * turned * turned) * -TWO_PI_2;
+    power.simd_gt(-14.0).select(exp2(power * std::f32::consts::LOG2_E) * wave, f32x8::splat(wave.simd, 0.0))
+}
+
+/// Cosine and sine of 2 pi x and of 4 pi x, |x| < 2^22, to 1e-6.
+#[inline(always)]
+fn waves<S: Simd>(x: f32x8<S>) -> [[f32x8<S>; 2]; 2] {
+    // Of pi times the way to the nearest whole number, by their series; then angles are doubled.
     let x = x - ((x + ROUND) - ROUND);
     let x2 = x * x;
-    let series = |c: [f32; 5]| c.into_iter().fold(f32x8::splat(simd, 0.0), |sum, c| (sum + c) * x2);
-    let sin = (series([-0.007_370_431, 0.082_145_89, -0.599_264_5, 2.550_164, -5.167_713]) + PI) * x;
-    let cos = series([-0.025_806_89, 0.235_330_63, -1.335_262_8, 4.058_712, -4.934_802]) + 1.0;
-    let double = |cos: f32x8<S>, sin: f32x8<S>| (1.0 - 2.0 * sin * sin, 2.0 * sin * cos);
-    let (cos1, sin1) = double(cos, sin);
-    let (cos2, sin2) = double(cos1, sin1);
-    [[f32x8::splat(simd, 1.0), cos1, cos2], [f32x8::splat(simd, 0.0), sin1, sin2]]
+    let sin = ((((x2 * -0.007_370_431 + 0.082_145_89) * x2 - 0.599_264_5) * x2 + 2.550_164) * x2 - 5.167_713) * x2 + PI;
+    let cos = ((((x2 * -0.025_806_89 + 0.235_330_63) * x2 - 1.335_262_8) * x2 + 4.058_712) * x2 - 4.934_802) * x2 + 1.0;
+    let double = |[cos, sin]: [f32x8<S>; 2]| [1.0 - 2.0 * sin * sin, 2.0 * sin * cos];
+    let once = double([cos, sin * x]);
+    [once, double(once)]
 }
 
 /// The logarithm of [`lattice_sum`]'s change with the mean (x, y) and the covariance (xx, xy, yy).
@@ -361,7 +377,7 @@ mod tests {
                 [column(place), column(place), column(variance), column(&mut |r| 3.0 * r.normal()), column(variance)];
             let mut sums = [0.0; 8];
             fearless_simd::dispatch!(simd, simd => {
-                lattice_sums(simd, columns.map(|c| f32x8::from_slice(simd, &c))).store_slice(&mut sums);
+                lattice_sums(columns.map(|c| f32x8::from_slice(simd, &c))).store_slice(&mut sums);
             });
             for k in 0..8 {
                 let [x, y, down, lean, across] = columns.map(|c| c[k]);

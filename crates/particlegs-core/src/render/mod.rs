@@ -11,6 +11,9 @@
 //! | [`raster`] | strokes | planes of optical depth, drawn over all cores and summed from coarse to fine |
 //! | [`tone`](tone()) | the sum | grey levels by a look's curve |
 //!
+//! Gaussians in one piece go through `project` and most of `bin` a block at a time, so that the compiler makes vectors of
+//! the same functions that take others one by one.
+//!
 //! Gaussians that the camera stands in, that cross the clipping range or that reach far in depth are cut along
 //! depth first ([`project::slices`]). Differences of large numbers (positions from the eye, what long
 //! Gaussians leave of their width) are found in f64 within a stage, and handed over where rounding no longer

@@ -290,17 +290,8 @@ impl FootprintBlock {
     /// Projects all Gaussians of a block.
     #[inline(always)]
     pub fn project<S: Simd>(&mut self, simd: S, lens: &Lens, block: &GaussianBlock) {
-        if lens.perspective {
-            self.project_as::<S, true>(simd, lens, block);
-        } else {
-            self.project_as::<S, false>(simd, lens, block);
-        }
-    }
-
-    #[inline(always)]
-    fn project_as<S: Simd, const PERSPECTIVE: bool>(&mut self, simd: S, lens: &Lens, block: &GaussianBlock) {
-        let lens = Lens { perspective: PERSPECTIVE, ..*lens };
-        // Without branches or calls, so that the compiler makes vectors of these loops.
+        // A copy, as these loops become vectors only where nothing that they write can be what they read.
+        let lens = *lens;
         for k in 0..BLOCK {
             let (mean, cov) = (each_axis(|a| block.mean[a][k]), Sym3(std::array::from_fn(|a| block.cov[a][k])));
             let g = CameraGaussian::new(&lens.axes, lens.position, mean, &cov, lens.unit * block.weight[k]);
@@ -318,8 +309,7 @@ impl FootprintBlock {
         }
         for k in (0..BLOCK).step_by(8) {
             let eight = |c: usize| f32x8::from_slice(simd, &self.footprints[c][k..k + 8]);
-            lattice_sums(simd, [eight(0), eight(1), eight(2), eight(3), eight(4)])
-                .store_slice(&mut self.lattice[k..k + 8]);
+            lattice_sums([eight(0), eight(1), eight(2), eight(3), eight(4)]).store_slice(&mut self.lattice[k..k + 8]);
         }
     }
 }
