@@ -8,6 +8,7 @@ and a sample counts for the first stage below whose functions are on the stack. 
 """
 import json
 import re
+import resource
 import subprocess
 import sys
 import tempfile
@@ -18,7 +19,7 @@ from pathlib import Path
 STAGES = [
     ("certificate: pictures of all particles", r"reference::"),
     ("certificate: subset of the same bytes", r"codec::points|score::subset"),
-    ("certificate: the rest", r"measure::|fit::recover|particles::neighbours|core::render|core::picture"),
+    ("certificate: the rest", r"measure::|fit::recover|particles::neighbours|particles::select|core::render|core::picture"),
     ("coding", r"core::codec|compress::size"),
     ("scan", r"particles::blocks|local_bounds|blake3|SnapshotScan"),
     ("copy", r"fit::store|ParticleStore"),
@@ -50,6 +51,11 @@ def least(stage, n, k, effort):
     }.get(stage)
 
 
+def processor_seconds():
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
+
+
 def profile(binary, files, ratio, effort, folder):
     report, data = folder / "said.json", folder / "perf.data"
     n = 0
@@ -59,8 +65,10 @@ def profile(binary, files, ratio, effort, folder):
     rate = 997 if n < 1e7 else 197 if n < 1e8 else 29
     command = [binary, "compress", *files, "--ratio", ratio, "--effort", effort, "--certificate", "quick", "--threads", "2",
                "-o", str(folder / "m.pgs"), "--force", "-q", "--json", str(report)]
+    earlier = processor_seconds()
     subprocess.run(["perf", "record", "-q", "-F", str(rate), "--call-graph", "dwarf,8192", "-o", str(data), *command], check=True,
                    stderr=subprocess.DEVNULL)
+    processor = processor_seconds() - earlier
     script = subprocess.Popen(["perf", "script", "-i", str(data), "-F", "ip,sym"], stdout=subprocess.PIPE, text=True,
                               stderr=subprocess.DEVNULL)
     seconds, stack = Counter(), []
@@ -71,7 +79,7 @@ def profile(binary, files, ratio, effort, folder):
             text = "".join(stack)
             seconds[next((name for name, pattern in STAGES if re.search(pattern, text)), "system, and not known")] += 1 / rate
             stack = []
-    return json.loads(report.read_text()), seconds
+    return json.loads(report.read_text()), processor, seconds
 
 
 def main():
@@ -87,9 +95,10 @@ def main():
         files, ratio = rest.rsplit("@", 1)
         for effort in WORK:
             with tempfile.TemporaryDirectory() as folder:
-                report, seconds = profile(binary, files.split(","), ratio, effort, Path(folder))
+                report, processor, seconds = profile(binary, files.split(","), ratio, effort, Path(folder))
             n, k = report["particles"], report["gaussians"]
-            print(f"## {name}: {n:,} particles, {k:,} Gaussians, `--effort {effort}`: {report['seconds']:.1f} s\n")
+            print(f"## {name}: {n:,} particles, {k:,} Gaussians, `--effort {effort}`: {report['seconds']:.1f} s, "
+                  f"{processor:.1f} processor s\n")
             print("| stage | processor s | share, % | GB at least | billion operations at least |")
             print("|---|---:|---:|---:|---:|")
             total = sum(seconds.values())
