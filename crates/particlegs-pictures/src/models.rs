@@ -415,7 +415,7 @@ struct ScenePainter<'a> {
 struct SceneParts<'a> {
     scene: Scene<'a>,
     /// Colours need each layer on its own.
-    layers: Vec<Model>,
+    layers: Vec<Box<dyn Renderer + 'a>>,
     on_device: Option<Box<dyn Renderer>>,
 }
 
@@ -424,7 +424,7 @@ impl<'a> ScenePainter<'a> {
     fn renderer<'f: 'a>(self, model: &'a Model, film: Option<&'a SeriesFilm<'f>>) -> Result<ViewRenderer<'a>> {
         let parts = self.parts(model)?;
         // The decoder of a series goes on from the last frame, so the frames of a film are drawn in order.
-        let side_by_side = film.is_none() && parts.on_device.is_none();
+        let side_by_side = film.is_none() && self.settings.options.pictures.device.is_none();
         let draw = move |view: &View, size: Size| {
             let Some(film) = film else { return self.picture(&parts, self.subject, view, size) };
             let last = model.density_of();
@@ -445,18 +445,31 @@ impl<'a> ScenePainter<'a> {
     }
 
     fn parts<'m>(&self, model: &'m Model) -> Result<SceneParts<'m>> {
-        let style = self.settings.style;
-        if style.is_none() && self.field.is_none() {
-            model.check_density(|_| true)?;
+        let (options, scene) = (&self.settings.options, Scene::new(model));
+        let device = options.pictures.device.as_ref();
+        if self.settings.style.is_none() {
+            options.pictures.refuse_device("surface densities and fields are drawn on the CPU only")?;
+            if self.field.is_none() {
+                model.check_density(|_| true)?;
+            }
         }
-        let layers = if self.settings.options.color_by_layer { layers::apart(model)? } else { Vec::new() };
-        let scene = Scene::new(model);
-        let pictures = &self.settings.options.pictures;
-        if style.is_none() || !layers.is_empty() {
-            pictures.refuse_device("surface densities, fields and coloured layers are rendered on the CPU only")?;
+        if !options.color_by_layer {
+            return Ok(SceneParts {
+                on_device: device.map(|d| d.scene(&scene)).transpose()?,
+                scene,
+                layers: Vec::new(),
+            });
         }
-        let on_device = pictures.device.as_ref().map(|d| d.scene(&scene)).transpose()?;
-        Ok(SceneParts { scene, layers, on_device })
+        layers::check(model)?;
+        let layer = |place: usize| -> Result<Box<dyn Renderer + 'm>> {
+            let scene = Scene::from_layers(model, |other| other == place);
+            Ok(match device {
+                Some(device) => device.scene(&scene)?,
+                None => Box::new(scene),
+            })
+        };
+        let layers = (0..model.layers.len()).map(layer).collect::<Result<_>>()?;
+        Ok(SceneParts { scene, layers, on_device: None })
     }
 
     fn picture(&self, parts: &SceneParts<'_>, subject: &ViewSubject, view: &View, size: Size) -> Result<ViewContent> {
