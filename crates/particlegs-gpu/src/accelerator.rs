@@ -2,13 +2,14 @@
 
 use crate::Device;
 use crate::reference::ParticlePictures;
-use crate::render::ScenePictures;
+use crate::render::{DepthRenderer, ScenePictures};
 use crate::train::Trainer;
 use particlegs_core::Result;
 use particlegs_core::camera::View;
 use particlegs_core::context::Context;
+use particlegs_core::model::LawKind;
 use particlegs_core::picture::{Gray8, Plane, Size};
-use particlegs_core::render::{Renderer, Scene};
+use particlegs_core::render::{Renderer, Scene, SceneRenderer};
 use particlegs_core::space::Bounds;
 use particlegs_core::splat::ToneStyle;
 use particlegs_train::depth::{DepthStepper, Parameters};
@@ -20,6 +21,8 @@ use std::sync::{Arc, OnceLock};
 /// A GPU that draws and trains.
 pub struct GpuAccelerator {
     device: Arc<Device>,
+    /// Compiled when the first scene comes, for all.
+    scenes: OnceLock<Arc<DepthRenderer>>,
     /// Compiled when the first steps are asked for.
     trainer: OnceLock<Trainer>,
 }
@@ -27,17 +30,22 @@ pub struct GpuAccelerator {
 impl GpuAccelerator {
     /// Of an open device.
     pub fn new(device: Arc<Device>) -> Self {
-        GpuAccelerator { device, trainer: OnceLock::new() }
+        GpuAccelerator { device, scenes: OnceLock::new(), trainer: OnceLock::new() }
     }
 
     fn trainer(&self) -> Result<&Trainer> {
-        if let Some(trainer) = self.trainer.get() {
-            return Ok(trainer);
-        }
-        // `get_or_init` takes no work that may fail. If two threads come here at once, one compiles in vain.
-        let trainer = Trainer::new(&self.device)?;
-        Ok(self.trainer.get_or_init(|| trainer))
+        compiled(&self.trainer, || Trainer::new(&self.device))
     }
+}
+
+/// What is there, or else what `compile` gives. If two threads come here at once, one compiles in vain.
+fn compiled<T>(there: &OnceLock<T>, compile: impl FnOnce() -> Result<T>) -> Result<&T> {
+    if let Some(there) = there.get() {
+        return Ok(there);
+    }
+    // `get_or_init` takes no work that may fail.
+    let new = compile()?;
+    Ok(there.get_or_init(|| new))
 }
 
 impl fmt::Debug for GpuAccelerator {
@@ -51,8 +59,12 @@ impl Accelerator for GpuAccelerator {
         self.device.name()
     }
 
-    fn scene(&self, scene: &Scene<'_>) -> Result<Box<dyn Renderer>> {
-        Ok(Box::new(ScenePictures::new(&self.device, scene)?))
+    fn scene<'a>(&self, scene: &Scene<'a>) -> Result<Box<dyn SceneRenderer + 'a>> {
+        if scene.law() == LawKind::AlphaBlend {
+            return Ok(Box::new(ScenePictures::new(&self.device, scene)?));
+        }
+        let renderer = compiled(&self.scenes, || Ok(Arc::new(DepthRenderer::new(&self.device)?)))?;
+        Ok(Box::new(ScenePictures::of_depth(renderer.clone(), scene)))
     }
 
     fn particles<'a>(&self, input: ParticleInput<'a>, context: &Context<'_>) -> Result<Box<dyn Renderer + 'a>> {

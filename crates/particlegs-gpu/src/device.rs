@@ -14,10 +14,13 @@ pub enum Checks {
     On,
 }
 
-/// Runs kernels in its own way, as a clock does that stands about them.
+/// Runs kernels in its own way, as a clock does that stands about them, and hears of what is read back.
 pub trait KernelWatch: Send + Sync {
     /// `run` dispatches the kernel of this name.
     fn around(&self, kernel: &'static str, pass: &mut wgpu::ComputePass<'_>, run: &dyn Fn(&mut wgpu::ComputePass<'_>));
+
+    /// So many bytes of a buffer are read back.
+    fn reads(&self, _bytes: u64) {}
 }
 
 /// Bytes that any GPU can hold.
@@ -184,6 +187,7 @@ impl Device {
     pub fn read(&self, from: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>> {
         // Buffers are copied in whole words.
         let size = bytes.next_multiple_of(4);
+        self.watch.iter().for_each(|watch| watch.reads(size));
         let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
         let to = self.buffer("read back", size, usage);
         let mut encoder = self.device.create_command_encoder(&Default::default());

@@ -17,7 +17,7 @@ use particlegs_core::codec::{SeriesDecoder, SeriesFile};
 use particlegs_core::context::Context;
 use particlegs_core::model::{LawKind, Model, check_densities, hex, species_title};
 use particlegs_core::picture::{Gray8, Pixels, Rgb8, Size};
-use particlegs_core::render::{Renderer, Scene, Scratch, draw_into, field_map, surface_density};
+use particlegs_core::render::{Renderer, Scene, SceneRenderer, Scratch, draw_into, field_map};
 use particlegs_core::splat::ToneStyle;
 use particlegs_core::{Error, Hint, NamedValue, Result, parallel};
 use particlegs_files::input::name_of;
@@ -416,7 +416,7 @@ struct SceneParts<'a> {
     scene: Scene<'a>,
     /// Colours need each layer on its own.
     layers: Vec<Box<dyn Renderer + 'a>>,
-    on_device: Option<Box<dyn Renderer>>,
+    on_device: Option<Box<dyn SceneRenderer + 'a>>,
 }
 
 impl<'a> ScenePainter<'a> {
@@ -447,11 +447,10 @@ impl<'a> ScenePainter<'a> {
     fn parts<'m>(&self, model: &'m Model) -> Result<SceneParts<'m>> {
         let (options, scene) = (&self.settings.options, Scene::new(model));
         let device = options.pictures.device.as_ref();
-        if self.settings.style.is_none() {
-            options.pictures.refuse_device("surface densities and fields are drawn on the CPU only")?;
-            if self.field.is_none() {
-                model.check_density(|_| true)?;
-            }
+        if self.field.is_some() {
+            options.pictures.refuse_device("fields are drawn on the CPU only")?;
+        } else if self.settings.style.is_none() {
+            model.check_density(|_| true)?;
         }
         if !options.color_by_layer {
             return Ok(SceneParts {
@@ -479,7 +478,8 @@ impl<'a> ScenePainter<'a> {
             if let Some(field) = self.field {
                 return Ok(field.content(field_map(scene, &field.query, &view, size, context)?));
             }
-            return Ok(ViewContent::Density(surface_density(scene, &view, size, context)?));
+            let renderer: &dyn SceneRenderer = parts.on_device.as_deref().unwrap_or(scene);
+            return Ok(ViewContent::Density(renderer.surface_density(&view, size, context)?));
         };
         if !parts.layers.is_empty() {
             return layers::draw(&parts.layers, view, size, style, context);

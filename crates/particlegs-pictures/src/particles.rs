@@ -45,7 +45,7 @@ pub fn render_particles(
     let count = particles.len() as u64;
     let (density, cell) = (style == PictureStyle::Density, particles.meta.cell);
     if density {
-        options.refuse_device("surface densities are rendered on the CPU only")?;
+        options.refuse_device("surface densities of particles are drawn on the CPU only")?;
     }
     // Views depend on bounds, cell and number alone, so their errors come before the long work of smoothing.
     let subject = ViewSubject::of_particles(bounds, cell, count, density);

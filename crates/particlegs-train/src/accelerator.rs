@@ -4,7 +4,7 @@ use crate::alpha;
 use crate::depth::{DepthStepper, Parameters};
 use particlegs_core::Result;
 use particlegs_core::context::Context;
-use particlegs_core::render::{Renderer, Scene};
+use particlegs_core::render::{Renderer, Scene, SceneRenderer};
 use particlegs_core::space::Bounds;
 use std::fmt::Debug;
 use std::ops::Range;
@@ -48,8 +48,8 @@ pub trait Accelerator: Debug + Send + Sync {
     /// Its name, which results that it had a part in depend on.
     fn name(&self) -> &str;
 
-    /// Sends a scene to the device, which draws it.
-    fn scene(&self, scene: &Scene<'_>) -> Result<Box<dyn Renderer>>;
+    /// Draws a scene on the device, which gets it with the first picture.
+    fn scene<'a>(&self, scene: &Scene<'a>) -> Result<Box<dyn SceneRenderer + 'a>>;
 
     /// Sends particles to the device, as many as it has room for; the others are sent again for every picture.
     fn particles<'a>(&self, particles: ParticleInput<'a>, context: &Context<'_>) -> Result<Box<dyn Renderer + 'a>>;

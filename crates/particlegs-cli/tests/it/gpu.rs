@@ -1,8 +1,8 @@
 //! `devices` and `--device`.
 
-#[cfg(feature = "gpu")]
-use crate::common::tiny;
 use crate::common::{TestFolder, said};
+#[cfg(feature = "gpu")]
+use crate::common::{snapshot, tiny};
 #[cfg(feature = "gpu")]
 use particlegs_core::{codec, model::LawKind};
 
@@ -86,8 +86,41 @@ fn a_gpu_draws_what_the_cpu_draws() {
         assert!(!views.is_empty());
         assert!(views.iter().all(|v| v["largest_difference"].as_u64().unwrap() <= most), "{comparison}");
     }
-    let refused = dir.command("render model.pgs --style density --device 0 -q -o d.png").output().unwrap();
-    assert!(refused.status.code() == Some(2) && !dir.at("d.png").exists());
+}
+
+/// Surface densities, of a part of a box too, and coloured layers.
+#[cfg(feature = "gpu")]
+#[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+fn a_gpu_draws_densities_and_coloured_layers() {
+    let dir = folder();
+    dir.runs("compress FIXTURES/species.hdf5 -o species.pgs --gaussians 60 --effort fast --certificate none -q");
+    let density = "--style density --colormap grey --no-annotations";
+    for words in [
+        format!("model.pgs {density}"),
+        format!("model.pgs {density} --projection orthographic --width 0.3 --depth 0.4"),
+        format!("species.pgs {density} --projection orthographic"),
+        "species.pgs --color-by-layer --style expected".into(),
+        "species.pgs --color-by-layer".into(),
+    ] {
+        let drawn = ["0", "cpu"].map(|device| {
+            let png = dir.makes(&format!("render {words} --size 160x90 -q --device {device} -o out.png"));
+            let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
+            let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+            reader.next_frame(&mut bytes).unwrap();
+            bytes
+        });
+        let largest = drawn[0].iter().zip(&drawn[1]).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+        let lit = drawn[1].iter().filter(|v| **v > 0).count();
+        println!("{words}: {lit} lit, {largest} levels apart");
+        assert!(lit > 200, "{words}: hardly a picture");
+        assert!(drawn[0].len() == drawn[1].len() && largest <= 1, "{words}: {largest} levels apart");
+    }
+    let line: Vec<f32> = (0..200).map(|i| i as f32).collect();
+    snapshot(&dir.at("line"), &[0; 3].map(|_| line.clone()));
+    dir.write("line/heat.f32", dir.bytes("line/xx.f32"));
+    dir.runs("compress line -o line.pgs --gaussians 4 --effort fast --certificate none --fields heat -q");
+    dir.fails("render line.pgs --field heat --device 0 -q -o no.png", 2, "fields are drawn on the CPU only");
 }
 
 /// A run on the device and one on the CPU: held-out scores within 0.05 dB.

@@ -8,7 +8,7 @@ use fearless_simd::{Simd, f32x8};
 use std::f32::consts::PI;
 
 /// Depth that a cut may drop at its edge: below what 8 bits show, however many overlap.
-const FAINTEST: f64 = 1e-4;
+pub const FAINTEST: f64 = 1e-4;
 /// A footprint ends between these many sigma (squared); the mass outside is put back.
 const NEAREST_CUT: f64 = 9.0;
 const FARTHEST_CUT: f64 = 22.0;

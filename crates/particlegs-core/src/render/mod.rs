@@ -47,9 +47,9 @@ mod tests;
 pub use depth::{draw, draw_into, optical_depth, optical_depth_into};
 pub use field_map::{FieldMap, field_map};
 pub use field_query::{FieldQuery, FieldWeight, MapComponent, first_means, mean_vector};
-pub use scene::{Renderer, Scene};
+pub use scene::{Renderer, Scene, SceneRenderer};
 pub use scratch::Scratch;
-pub use surface::{extent, surface_density, whole_view};
+pub use surface::{extent, surface_density, surface_density_by, whole_view};
 pub use tone::{Tones, tone};
 
 /// Views and models for tests.

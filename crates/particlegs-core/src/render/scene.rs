@@ -4,7 +4,7 @@
 use super::alpha::Blend;
 use super::tone::Tones;
 use crate::Result;
-use crate::camera::{Normalisation, View};
+use crate::camera::{DensityView, Normalisation, View};
 use crate::context::Context;
 use crate::math::each_axis;
 use crate::model::{AlphaBlend, LawKind, Mass, Mixture, Model};
@@ -71,6 +71,16 @@ impl<'a> Scene<'a> {
         self.parts.iter().map(|(m, _)| *m)
     }
 
+    /// What each Gaussian adds to densities, part by part: its mass, or its count where they count particles.
+    pub fn weights(&self) -> impl Iterator<Item = f64> + '_ {
+        self.parts.iter().flat_map(move |&(m, unit_mass)| (0..m.len()).map(move |i| self.weight(m, unit_mass, i)))
+    }
+
+    /// That of Gaussian `i` of a part in which a particle of weight 1 has `unit_mass`.
+    pub(super) fn weight(&self, m: &Mixture, unit_mass: f64, i: usize) -> f64 {
+        if self.by_number { m.count[i] } else { unit_mass * m.mass_of(i) }
+    }
+
     /// Shifts at which it is drawn, from where it is, world units.
     pub fn shifts(&self) -> &[[f64; 3]] {
         &self.shifts
@@ -130,6 +140,21 @@ pub trait Renderer: Sync {
 
     /// The optical depth of each pixel, without shot noise; of an alpha-blend scene the depth that looks as bright.
     fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane>;
+}
+
+/// Draws a scene, also as its surface density.
+pub trait SceneRenderer: Renderer {
+    /// The surface density of each pixel ([`super::surface_density`]), mass or particles a world unit squared.
+    ///
+    /// # Errors
+    /// As [`Renderer::draw`]; of a scene of the alpha-blend law, those of the device.
+    fn surface_density(&self, view: &DensityView, size: Size, context: &Context<'_>) -> Result<Plane>;
+}
+
+impl SceneRenderer for Scene<'_> {
+    fn surface_density(&self, view: &DensityView, size: Size, context: &Context<'_>) -> Result<Plane> {
+        super::surface_density(self, view, size, context)
+    }
 }
 
 impl Renderer for Scene<'_> {

@@ -10,7 +10,7 @@ use crate::camera::{CenteredCell, DensityView, Extent, Window, spherical_camera}
 use crate::context::Context;
 use crate::math::each_axis;
 use crate::model::Mixture;
-use crate::picture::{Plane, PlaneRows, Size};
+use crate::picture::{Plane, Size};
 use crate::space::Cell;
 use crate::splat::erf;
 use std::borrow::Cow;
@@ -19,14 +19,29 @@ use std::borrow::Cow;
 /// `Sigma = sum m (f/z)^2 N2` in perspective, `sum m f^2 N2` in an orthographic view, whose periodic
 /// images are drawn as the view says. Where a layer has no masses the result counts particles.
 pub fn surface_density(scene: &Scene, view: &DensityView, size: Size, context: &Context<'_>) -> Result<Plane> {
-    let Some(centered) = view.centered_cell() else { return drawn(scene, view, size, context) };
+    surface_density_by(scene, view, size, |scene, lens, size| {
+        let lenses: Vec<Lens> = scene.shifts.iter().map(|shift| lens.shifted(*shift)).collect();
+        let weight = |m: &Mixture, unit_mass, i| scene.weight(m, unit_mass, i);
+        sum(scene, &lenses, size, weight, &mut Scratch::default(), context)?.to_plane(context)
+    })
+}
+
+/// The same, where `sum` adds up the Gaussians of a scene as a lens sees them at each of its shifts, by their
+/// [`Scene::weights`], and leaves the interpolation's undershoot.
+pub fn surface_density_by(
+    scene: &Scene,
+    view: &DensityView,
+    size: Size,
+    sum: impl FnOnce(&Scene, &Lens, Size) -> Result<Plane>,
+) -> Result<Plane> {
+    let Some(centered) = view.centered_cell() else { return drawn(scene, view, size, sum) };
     let parts: Vec<Cow<'_, Mixture>> = scene.parts.iter().map(|(m, _)| moved(m, &centered)).collect();
     let parts = parts.iter().zip(&scene.parts).map(|(m, (_, mass))| (&**m, *mass)).collect();
     let scene = Scene { parts, shifts: scene.shifts.clone(), ..*scene };
     view.wrapped(
         size,
         |cell| all_tails(&scene, view.camera.focal_point, cell),
-        |view, size| drawn(&scene, view, size, context),
+        |view, size| drawn(&scene, view, size, sum),
     )
 }
 
@@ -43,23 +58,23 @@ pub(super) fn moved<'a>(mixture: &'a Mixture, cell: &CenteredCell) -> Cow<'a, Mi
     moved
 }
 
-fn drawn(scene: &Scene, view: &DensityView, size: Size, context: &Context<'_>) -> Result<Plane> {
-    let lenses = view
-        .copies(size, &scene.bounds, reach(scene))?
-        .into_iter()
-        .flat_map(|copy_shift| scene.shifts.iter().map(move |s| each_axis(|k| copy_shift[k] + s[k])))
-        .map(|shift| Lens::density(view, size, shift))
-        .collect::<Result<Vec<_>>>()?;
-    let mut scratch = Scratch::default();
-    let weight = |m: &Mixture, unit_mass, i| if scene.by_number { m.count[i] } else { unit_mass * m.mass_of(i) };
-    let rows = sum(scene, &lenses, size, weight, &mut scratch, context)?;
-    let all = |rows: &PlaneRows<'_>| -> f64 { (0..size.height).flat_map(|j| rows.row(j)).map(|v| f64::from(*v)).sum() };
-    let mass = all(&rows);
-    let mut rows = clip(rows);
+fn drawn(
+    scene: &Scene,
+    view: &DensityView,
+    size: Size,
+    sum: impl FnOnce(&Scene, &Lens, Size) -> Result<Plane>,
+) -> Result<Plane> {
+    let copies = view.copies(size, &scene.bounds, reach(scene))?.into_iter();
+    let shifts = copies.flat_map(|copy| scene.shifts.iter().map(move |s| each_axis(|k| copy[k] + s[k]))).collect();
+    let scene = Scene { parts: scene.parts.clone(), shifts, ..*scene };
+    let mut plane = sum(&scene, &Lens::density(view, size, [0.0; 3])?, size)?;
+    let all = |plane: &Plane| -> f64 { plane.data.iter().map(|v| f64::from(*v)).sum() };
+    let mass = all(&plane);
+    clip(plane.rows());
     // Clipped undershoot adds mass, which is taken from all pixels alike.
-    let share = (mass / all(&rows)).max(1.0 - MOST_CLIPPED) as f32;
-    rows.each(|_, row| row.iter_mut().for_each(|v| *v *= share));
-    rows.to_plane(context)
+    let share = (mass / all(&plane)).max(1.0 - MOST_CLIPPED) as f32;
+    plane.rows().each(|_, row| row.iter_mut().for_each(|v| *v *= share));
+    Ok(plane)
 }
 
 /// A window of little but undershoot loses no more than this share.

@@ -1,7 +1,5 @@
 // Footprints to strokes on the plane that suits them: core's render::bin.
 
-// Depth that a cut may drop at its edge.
-const FAINTEST: f32 = 1e-4;
 // A footprint ends between these many sigma (squared); the mass outside is put back.
 const NEAREST_CUT: f32 = 9.0;
 const FARTHEST_CUT: f32 = 22.0;
@@ -21,10 +19,10 @@ fn cut_of(peak: f32, smaller: f32) -> f32 {
     if smaller < SMALL {
         return SMALL_CUT;
     }
-    if peak < FAINTEST * 90.0 {
+    if peak < frame.faintest * 90.0 {
         return NEAREST_CUT;
     }
-    return clamp(2.0 * log(peak / FAINTEST), NEAREST_CUT, FARTHEST_CUT);
+    return clamp(2.0 * log(peak / frame.faintest), NEAREST_CUT, FARTHEST_CUT);
 }
 
 fn lattice_term(i: f32, j: f32, at: vec2f, xx: f32, xy: f32, yy: f32) -> f32 {

@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use particlegs_core::math::each_axis;
 use particlegs_core::picture::Size;
+use particlegs_core::render::bin::FAINTEST;
 use particlegs_core::render::lens::Lens;
 use particlegs_core::render::raster::pyramid;
 
@@ -46,6 +47,8 @@ pub(crate) struct FrameRecord {
     size: [u32; 2],
     level_count: u32,
     count: u32,
+    faintest: f32,
+    pad: [u32; 3],
 }
 
 /// The planes of a picture, and how many words they and their tiles have.
@@ -106,8 +109,8 @@ impl FrameRecord {
         }
     }
 
-    /// Of a camera, for `count` Gaussians about `origin`.
-    pub fn new(lens: &Lens, origin: [f64; 3], planes: &PlaneLayout, count: u32) -> FrameRecord {
+    /// Of a camera, for `count` Gaussians about `origin`, in whose `exposure` depth is so many times as large.
+    pub fn new(lens: &Lens, origin: [f64; 3], planes: &PlaneLayout, count: u32, exposure: f64) -> FrameRecord {
         // Two floats a coordinate, so that a kernel can subtract a near place without losing digits.
         let eye = each_axis(|k| two_floats(lens.position[k] - origin[k]));
         let four = |v: [f32; 3]| [v[0], v[1], v[2], 0.0];
@@ -122,11 +125,13 @@ impl FrameRecord {
                 center: lens.center.map(|v| v as f32),
                 range: lens.range.map(|v| v as f32),
                 focal: lens.focal as f32,
-                unit: lens.unit as f32,
+                unit: (lens.unit * exposure) as f32,
                 radius2: lens.radius2 as f32,
                 perspective: u32::from(lens.perspective),
             },
             count,
+            // Beyond these limits every cut is the nearest or the farthest, and float32 ends.
+            faintest: (FAINTEST * exposure).clamp(1e-30, 1e30) as f32,
             ..FrameRecord::of_planes(planes)
         }
     }

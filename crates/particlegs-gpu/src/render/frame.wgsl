@@ -49,6 +49,11 @@ struct Frame {
     level_count: u32,
     // Gaussians in the columns.
     count: u32,
+    // Depth that a cut may drop at its edge.
+    faintest: f32,
+    pad0: u32,
+    pad1: u32,
+    pad2: u32,
 }
 
 // Pixels drawn beyond each edge of a plane.

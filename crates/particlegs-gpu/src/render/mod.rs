@@ -268,8 +268,11 @@ impl DepthRenderer {
 
     /// The lens for all kernels, and sums of nothing.
     fn begin(&self, encoder: &mut wgpu::CommandEncoder, gaussians: &Gaussians, canvas: &DepthCanvas, lens: &Lens) {
+        let exposure = gaussians.exposure(lens);
+        let lens = &Lens { unit: lens.unit * gaussians.unit(), ..*lens };
         for batch in &canvas.batches {
-            let record = FrameRecord::new(&lens.shifted(batch.shift), gaussians.origin, &canvas.planes, batch.count);
+            let lens = lens.shifted(batch.shift);
+            let record = FrameRecord::new(&lens, gaussians.origin, &canvas.planes, batch.count, exposure);
             self.device.queue.write_buffer(&batch.frame, 0, bytemuck::bytes_of(&record));
         }
         canvas.sums.iter().for_each(|s| encoder.clear_buffer(s, 0, None));
@@ -318,6 +321,24 @@ impl DepthRenderer {
     /// The depth that the last picture was made of, before splats are widened towards the edges; not in
     /// [`ToneStyle::Paraview`], whose levels take its place.
     pub fn depth(&self, canvas: &DepthCanvas) -> Result<Plane> {
+        let mut plane = self.plane(canvas)?;
+        // The interpolation between planes has negative weights, so a sum can fall below 0.
+        plane.data.iter_mut().for_each(|v| *v = v.max(0.0));
+        Ok(plane)
+    }
+
+    /// The sum over Gaussians that were sent for their density, through its lens, with the interpolation's undershoot.
+    pub fn density(&self, gaussians: &Gaussians, canvas: &DepthCanvas, lens: &Lens) -> Result<Plane> {
+        let mut encoder = self.device.device.create_command_encoder(&Default::default());
+        self.sum(&mut encoder, gaussians, canvas, lens);
+        self.device.queue.submit([encoder.finish()]);
+        let (mut plane, exposure) = (self.plane(canvas)?, gaussians.exposure(lens));
+        plane.data.iter_mut().for_each(|v| *v = (f64::from(*v) / exposure) as f32);
+        Ok(plane)
+    }
+
+    /// The finest plane, of the picture's pixels.
+    fn plane(&self, canvas: &DepthCanvas) -> Result<Plane> {
         let (size, level) = (canvas.planes.size, canvas.planes.levels[0]);
         let bytes = self.device.read(&canvas.sums[0], 4 * u64::from(level.width) * u64::from(level.rows))?;
         let words = bytes.chunks_exact(4).map(|b| [b[0], b[1], b[2], b[3]]);
@@ -329,9 +350,8 @@ impl DepthRenderer {
         } else {
             words.map(f32::from_le_bytes).collect()
         };
-        // The interpolation between planes has negative weights, so a sum can fall below 0.
-        let row = |y: usize| all[(y + PAD) * level.width as usize + PAD..][..size.width].iter().map(|v| v.max(0.0));
-        Ok(Plane { size, data: (0..size.height).flat_map(row).collect() })
+        let row = |y: usize| &all[(y + PAD) * level.width as usize + PAD..][..size.width];
+        Ok(Plane { size, data: (0..size.height).flat_map(row).copied().collect() })
     }
 
     /// A picture of a scene.

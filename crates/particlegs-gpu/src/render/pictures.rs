@@ -2,91 +2,141 @@
 
 use super::{DepthCanvas, DepthRenderer, Gaussians};
 use crate::{Device, alpha};
-use particlegs_core::Result;
-use particlegs_core::camera::View;
+use particlegs_core::camera::{DensityView, Images, View};
 use particlegs_core::context::Context;
 use particlegs_core::model::LawKind;
 use particlegs_core::picture::{Gray8, Plane, Size};
 use particlegs_core::render::alpha::depth_as_bright;
 use particlegs_core::render::lens::Lens;
-use particlegs_core::render::{Renderer, Scene, depth};
+use particlegs_core::render::{Renderer, Scene, SceneRenderer, depth, surface_density_by};
+use particlegs_core::space::Cell;
 use particlegs_core::splat::ToneStyle;
+use particlegs_core::{Error, Result};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A scene on a device, drawn at whatever size, one picture at a time.
-pub struct ScenePictures(LawRenderer);
+pub struct ScenePictures<'a>(LawRenderer<'a>);
 
-enum LawRenderer {
-    OpticalDepth(Box<DrawingState<DepthRenderer, Gaussians, DepthCanvas>>),
-    AlphaBlend(Box<DrawingState<alpha::AlphaRenderer, alpha::Gaussians, alpha::AlphaCanvas>>),
+enum LawRenderer<'a> {
+    OpticalDepth(Box<DepthPictures<'a>>),
+    AlphaBlend(Box<AlphaPictures>),
 }
 
-/// The renderer, its Gaussians, and the memory of the last picture.
-struct DrawingState<R, G, C> {
-    renderer: R,
-    gaussians: G,
-    kept: CanvasCache<C>,
+/// A scene of the optical-depth law, and what the last picture left on the device.
+struct DepthPictures<'a> {
+    renderer: Arc<DepthRenderer>,
+    scene: Scene<'a>,
+    sent: Kept<SentScene, (Gaussians, Kept<Size, DepthCanvas>)>,
 }
 
-/// The memory of the last picture.
-struct CanvasCache<C>(Mutex<Option<(Size, C)>>);
+/// A scene as the device has it.
+#[derive(Clone, PartialEq)]
+struct SentScene {
+    content: Content,
+    /// Shifts at which it is drawn, world units.
+    shifts: Vec<[f64; 3]>,
+}
 
-impl ScenePictures {
+/// What its Gaussians add up to.
+#[derive(Clone, Copy, PartialEq)]
+enum Content {
+    Depth,
+    /// Of Gaussians that may be moved to their images in the cell about a point.
+    Density(Option<([f64; 3], Cell)>),
+}
+
+/// A scene of the alpha-blend law.
+struct AlphaPictures {
+    renderer: alpha::AlphaRenderer,
+    gaussians: alpha::Gaussians,
+    canvas: Kept<Size, alpha::AlphaCanvas>,
+}
+
+/// Something on the device that the next picture can use again, where it is for the same.
+struct Kept<K, T>(Mutex<Option<(K, T)>>);
+
+impl<'a> ScenePictures<'a> {
     /// Of a scene of either law. Alpha blending has one look, whichever is asked for.
-    pub fn new(device: &Arc<Device>, scene: &Scene) -> Result<ScenePictures> {
-        Ok(ScenePictures(match scene.law() {
-            LawKind::OpticalDepth => {
-                let (renderer, gaussians) = (DepthRenderer::new(device)?, Gaussians::upload(device, scene)?);
-                LawRenderer::OpticalDepth(Box::new(DrawingState { renderer, gaussians, kept: CanvasCache::new() }))
-            }
-            LawKind::AlphaBlend => {
-                let (renderer, gaussians) =
-                    (alpha::AlphaRenderer::new(device)?, alpha::Gaussians::upload(device, scene)?);
-                LawRenderer::AlphaBlend(Box::new(DrawingState { renderer, gaussians, kept: CanvasCache::new() }))
-            }
-        }))
+    pub fn new(device: &Arc<Device>, scene: &Scene<'a>) -> Result<Self> {
+        if scene.law() == LawKind::OpticalDepth {
+            return Ok(ScenePictures::of_depth(Arc::new(DepthRenderer::new(device)?), scene));
+        }
+        let (renderer, gaussians) = (alpha::AlphaRenderer::new(device)?, alpha::Gaussians::upload(device, scene)?);
+        let pictures = AlphaPictures { renderer, gaussians, canvas: Kept::new() };
+        Ok(ScenePictures(LawRenderer::AlphaBlend(Box::new(pictures))))
+    }
+
+    /// Of a scene of the optical-depth law, by kernels that are compiled already.
+    pub fn of_depth(renderer: Arc<DepthRenderer>, scene: &Scene<'a>) -> Self {
+        let pictures = DepthPictures { renderer, scene: scene.clone(), sent: Kept::new() };
+        ScenePictures(LawRenderer::OpticalDepth(Box::new(pictures)))
     }
 }
 
-impl Renderer for ScenePictures {
+impl DepthPictures<'_> {
+    /// Draws what the device has of a scene of this `content`, once that is sent. `None` where there is nothing to draw.
+    fn with<T>(
+        &self,
+        scene: &Scene<'_>,
+        content: Content,
+        size: Size,
+        draw: impl FnOnce(&Gaussians, &DepthCanvas) -> Result<T>,
+    ) -> Result<Option<T>> {
+        if scene.parts().all(|m| m.is_empty()) {
+            return Ok(None);
+        }
+        let device = &self.renderer.device;
+        let send = || {
+            let gaussians = match content {
+                Content::Depth => Gaussians::upload(device, scene)?,
+                Content::Density(_) => Gaussians::upload_weighed(device, scene)?,
+            };
+            Ok((gaussians, Kept::new()))
+        };
+        let key = SentScene { content, shifts: scene.shifts().to_vec() };
+        let drawn = self.sent.with(key, send, |(gaussians, canvas)| {
+            canvas.with(size, || self.renderer.canvas(gaussians, size), |canvas| draw(gaussians, canvas))
+        });
+        drawn.map(Some)
+    }
+}
+
+impl Renderer for ScenePictures<'_> {
     fn draw(&self, view: &View, size: Size, style: ToneStyle, _: &Context<'_>) -> Result<Gray8> {
         match &self.0 {
-            LawRenderer::OpticalDepth(state) if state.gaussians.is_empty() => Ok(Gray8::black(size)),
-            LawRenderer::AlphaBlend(state) if state.gaussians.is_empty() => Ok(Gray8::black(size)),
-            LawRenderer::OpticalDepth(state) => {
-                let DrawingState { renderer, gaussians, kept } = &**state;
-                let new = || renderer.canvas(gaussians, size);
-                kept.with(size, new, |canvas| renderer.draw(gaussians, canvas, view, style))
+            LawRenderer::OpticalDepth(pictures) => {
+                let draw = |gaussians: &_, canvas: &_| pictures.renderer.draw(gaussians, canvas, view, style);
+                let drawn = pictures.with(&pictures.scene, Content::Depth, size, draw)?;
+                Ok(drawn.unwrap_or_else(|| Gray8::black(size)))
             }
-            LawRenderer::AlphaBlend(state) => {
-                let DrawingState { renderer, gaussians, kept } = &**state;
+            LawRenderer::AlphaBlend(pictures) if pictures.gaussians.is_empty() => Ok(Gray8::black(size)),
+            LawRenderer::AlphaBlend(pictures) => {
+                let AlphaPictures { renderer, gaussians, canvas } = &**pictures;
                 let new = || renderer.canvas(gaussians, size);
-                kept.with(size, new, |canvas| renderer.draw(gaussians, canvas, view))
+                canvas.with(size, new, |canvas| renderer.draw(gaussians, canvas, view))
             }
         }
     }
 
     fn optical_depth(&self, view: &View, size: Size, _: &Context<'_>) -> Result<Plane> {
         match &self.0 {
-            LawRenderer::OpticalDepth(state) if state.gaussians.is_empty() => Ok(Plane::zeros(size)),
-            LawRenderer::AlphaBlend(state) if state.gaussians.is_empty() => Ok(Plane::zeros(size)),
-            LawRenderer::OpticalDepth(state) => {
-                let DrawingState { renderer, gaussians, kept } = &**state;
-                let new = || renderer.canvas(gaussians, size);
-                let mut tau = kept.with(size, new, |canvas| {
-                    renderer.submit(gaussians, canvas, view, ToneStyle::Expected)?;
-                    renderer.depth(canvas)
+            LawRenderer::OpticalDepth(pictures) => {
+                let drawn = pictures.with(&pictures.scene, Content::Depth, size, |gaussians, canvas| {
+                    pictures.renderer.submit(gaussians, canvas, view, ToneStyle::Expected)?;
+                    pictures.renderer.depth(canvas)
                 })?;
-                let lens = Lens::optical(view, size, &gaussians.bounds)?;
+                let Some(mut tau) = drawn else { return Ok(Plane::zeros(size)) };
+                let lens = Lens::optical(view, size, pictures.scene.bounds())?;
                 if lens.perspective {
                     depth::grow(&mut tau, &lens);
                 }
                 Ok(tau)
             }
-            LawRenderer::AlphaBlend(state) => {
-                let DrawingState { renderer, gaussians, kept } = &**state;
+            LawRenderer::AlphaBlend(pictures) if pictures.gaussians.is_empty() => Ok(Plane::zeros(size)),
+            LawRenderer::AlphaBlend(pictures) => {
+                let AlphaPictures { renderer, gaussians, canvas } = &**pictures;
                 let new = || renderer.canvas(gaussians, size);
-                let mut plane = kept.with(size, new, |canvas| {
+                let mut plane = canvas.with(size, new, |canvas| {
                     renderer.submit(gaussians, canvas, view)?;
                     renderer.brightness(canvas)
                 })?;
@@ -97,29 +147,41 @@ impl Renderer for ScenePictures {
     }
 }
 
-impl<C> CanvasCache<C> {
+impl SceneRenderer for ScenePictures<'_> {
+    fn surface_density(&self, view: &DensityView, size: Size, _: &Context<'_>) -> Result<Plane> {
+        let LawRenderer::OpticalDepth(pictures) = &self.0 else {
+            return Err(Error::argument("a GPU draws no surface density of an alpha-blend scene"));
+        };
+        let place = match view.images {
+            Images::Nearest(cell) => Some((view.camera.focal_point, cell)),
+            Images::Own | Images::All(_) => None,
+        };
+        surface_density_by(&pictures.scene, view, size, |scene, lens, size| {
+            let draw = |gaussians: &_, canvas: &_| pictures.renderer.density(gaussians, canvas, lens);
+            let drawn = pictures.with(scene, Content::Density(place), size, draw)?;
+            Ok(drawn.unwrap_or_else(|| Plane::zeros(size)))
+        })
+    }
+}
+
+impl<K: PartialEq, T> Kept<K, T> {
     fn new() -> Self {
-        CanvasCache(Mutex::new(None))
+        Kept(Mutex::new(None))
     }
 
-    /// Draws with the memory that is there, where it is of this size; it is kept where that succeeds.
-    fn with<T>(
-        &self,
-        size: Size,
-        new: impl FnOnce() -> Result<C>,
-        draw: impl FnOnce(&mut C) -> Result<T>,
-    ) -> Result<T> {
+    /// Works with what is there, where it is for this, or else with what is new; it is kept where that succeeds.
+    fn with<R>(&self, key: K, new: impl FnOnce() -> Result<T>, work: impl FnOnce(&mut T) -> Result<R>) -> Result<R> {
         let mut slot = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut canvas = match slot.take() {
-            Some((canvas_size, canvas)) if canvas_size == size => canvas,
+        let mut content = match slot.take() {
+            Some((old, content)) if old == key => content,
             other => {
                 // The old one goes before the new one comes.
                 drop(other);
                 new()?
             }
         };
-        let drawn = draw(&mut canvas)?;
-        *slot = Some((size, canvas));
-        Ok(drawn)
+        let done = work(&mut content)?;
+        *slot = Some((key, content));
+        Ok(done)
     }
 }

@@ -2,14 +2,19 @@
 
 use super::*;
 use crate::tests::{device, gaussian, view};
-use particlegs_core::camera::Projection;
+use crate::{AdapterChoice, Checks, KernelWatch};
+use particlegs_core::camera::{DensityView, Projection, Window};
 use particlegs_core::context::Context;
 use particlegs_core::math::{Random, Sym3, each_axis};
-use particlegs_core::model::Mixture;
-use particlegs_core::picture::psnr;
-use particlegs_core::render::project::slices::{ClipClass, clip_class};
-use particlegs_core::render::{self, Scene};
-use particlegs_core::space::Bounds;
+use particlegs_core::model::{Block, LawKind, Layer, Mass, Metadata, Mixture, Model};
+use particlegs_core::picture::{Plane, psnr};
+use particlegs_core::render::bin::place;
+use particlegs_core::render::project::CameraGaussian;
+use particlegs_core::render::project::slices::{ClipClass, clip_class, pieces};
+use particlegs_core::render::raster::pyramid::levels;
+use particlegs_core::render::{self, Renderer, Scene, SceneRenderer};
+use particlegs_core::space::{Bounds, Cell};
+use std::sync::Mutex;
 
 /// A picture that both draw.
 struct DepthRenderCase {
@@ -111,6 +116,164 @@ fn kernels_agree_with_their_twins() {
             println!("  {}: largest {apart}, {db:.1} dB", style.name());
             assert!(apart <= 1 && db > 60.0, "{name}, {}: largest {apart}, {db:.1} dB", style.name());
         }
+    }
+}
+
+/// A model of layers about the middle of a cube of side 2, whose particles have these masses.
+fn model(layers: &[(&Mixture, f64)]) -> Model {
+    let bounds = Bounds { min: [-1.0; 3], max: [1.0; 3] };
+    let layer = |(k, (m, mass)): (usize, &(&Mixture, f64))| {
+        let count = m.count.iter().sum::<f64>();
+        let block = Block { bounds, count: count as u64, mass: count * mass, gaussians: (*m).clone() };
+        Layer { name: format!("layer {k}"), mass: Mass::Each(*mass), content: vec![block] }
+    };
+    let layers: Vec<_> = layers.iter().enumerate().map(layer).collect();
+    let metadata = Metadata::new(LawKind::OpticalDepth, layers.iter().map(Layer::count).sum(), bounds);
+    Model { metadata, layers, certificate: None }
+}
+
+/// The largest difference of two planes over the largest pixel, but for the share `aside` of pixels that differ most.
+fn apart(a: &Plane, b: &Plane, aside: f64) -> f64 {
+    let highest = b.data.iter().fold(0.0f32, |h, v| h.max(*v));
+    let mut far: Vec<f32> = a.data.iter().zip(&b.data).map(|(a, b)| (a - b).abs()).collect();
+    far.sort_by(f32::total_cmp);
+    f64::from(far[far.len() - 1 - (aside * far.len() as f64) as usize]) / f64::from(highest)
+}
+
+/// Surface densities against core's, in perspective and parallel, of slabs and of boxes that repeat, in any unit of mass.
+#[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+fn densities_are_those_of_the_cpu() {
+    let renderer = Arc::new(DepthRenderer::new(&device()).unwrap());
+    let compared = |name: &str, scene: &Scene<'_>, view: &DensityView, (size, aside): (Size, f64)| {
+        let a = ScenePictures::of_depth(renderer.clone(), scene).surface_density(view, size, &Context::SILENT).unwrap();
+        let b = render::surface_density(scene, view, size, &Context::SILENT).unwrap();
+        let far = apart(&a, &b, aside);
+        println!("{name}: {far:.1e} of the largest pixel");
+        assert!(far < 1e-4, "{name}: {far:.1e} of the largest pixel");
+    };
+    for DepthRenderCase { name, gaussians, view, size } in cases() {
+        // In the last unit footprints end nearest, at a hundredth of their peak: a pixel there may be in or out.
+        for (mass, aside) in [(1.0, 0.0), (1e20, 0.0), (1e-20, 1e-4)] {
+            let model = model(&[(&gaussians, mass), (&gaussians, 3.0 * mass)]);
+            let scene = Scene::new(&model);
+            compared(&format!("{name}, {mass:e}"), &scene, &DensityView::of_view(&view, scene.bounds()), (size, aside));
+        }
+    }
+    let (gaussians, size) = (mixture(6, 800, 0.1), Size { width: 96, height: 80 });
+    let scene = scene(&gaussians);
+    for (name, width, depth, angles_deg) in [
+        ("a whole box", 2.4, None, [0.0; 2]),
+        ("a whole box, obliquely", 4.0, None, [30.0, 20.0]),
+        ("a part of a box", 1.5, None, [0.0; 2]),
+        ("copies of a slab", 5.0, Some(0.7), [0.0; 2]),
+    ] {
+        let window = Window { center: [0.7, -0.2, 0.4], angles_deg, width, depth };
+        let cell = Some(Cell::orthogonal([2.0; 3]));
+        let view = DensityView::orthographic("w", &window, size, scene.bounds(), cell).unwrap();
+        compared(name, &scene, &view, (size, 0.0));
+    }
+    compared(
+        "by number",
+        &scene.clone().by_number(),
+        &DensityView::of_view(&cases()[0].view, scene.bounds()),
+        (size, 0.0),
+    );
+    let none = Mixture::default();
+    let none = Scene::from_mixture(&none, *scene.bounds());
+    let none = ScenePictures::of_depth(renderer, &none);
+    let view = DensityView::of_view(&cases()[0].view, scene.bounds());
+    assert!(none.surface_density(&view, size, &Context::SILENT).unwrap().data.iter().all(|v| *v == 0.0));
+}
+
+/// Planes of single layers against core's; one renderer gives depth and density in turn.
+#[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+fn layers_are_those_of_the_cpu() {
+    let renderer = Arc::new(DepthRenderer::new(&device()).unwrap());
+    let size = Size { width: 192, height: 108 };
+    let [gas, stars] = [mixture(1, 5000, 0.05), mixture(4, 200, 0.8)];
+    let model = model(&[(&gas, 1.0), (&stars, 20.0)]);
+    let view = view([1.0, 2.0, 6.0], [0.002, 0.05]);
+    for place in 0..2 {
+        let scene = Scene::from_layers(&model, |layer| layer == place);
+        let pictures = ScenePictures::of_depth(renderer.clone(), &scene);
+        let depth = || pictures.optical_depth(&view, size, &Context::SILENT).unwrap();
+        let (first, twin) = (depth(), render::optical_depth(&scene, &view, size, &Context::SILENT).unwrap());
+        let far = apart(&first, &twin, 0.0);
+        println!("layer {place}: {far:.1e} of the largest pixel");
+        assert!(far < 1e-4, "layer {place}: {far:.1e} of the largest pixel");
+        let density = DensityView::of_view(&view, scene.bounds());
+        assert_ne!(pictures.surface_density(&density, size, &Context::SILENT).unwrap(), first);
+        assert_eq!(depth(), first);
+    }
+}
+
+/// Counts dispatches and bytes that are read back.
+#[derive(Default)]
+struct Tally(Mutex<[u64; 2]>);
+
+impl Tally {
+    fn take(&self) -> [u64; 2] {
+        std::mem::take(&mut self.0.lock().unwrap())
+    }
+}
+
+impl KernelWatch for Tally {
+    fn around(&self, _: &'static str, pass: &mut wgpu::ComputePass<'_>, run: &dyn Fn(&mut wgpu::ComputePass<'_>)) {
+        self.0.lock().unwrap()[0] += 1;
+        run(pass);
+    }
+
+    fn reads(&self, bytes: u64) {
+        self.0.lock().unwrap()[1] += bytes;
+    }
+}
+
+/// Pixels that footprints add to, over all planes.
+fn additions(m: &Mixture, lens: &Lens, size: Size) -> f64 {
+    let (levels, mut sum) = (levels(size), 0.0);
+    for g in (0..m.len()).filter_map(|i| CameraGaussian::from_mixture(lens, m, i, m.count[i])) {
+        pieces(lens, &g, |moments| {
+            let Some(placed) = place(&levels, &g.footprint(lens, &moments)) else { return };
+            let [along, down, end] = [placed.stroke.along, placed.stroke.down, placed.stroke.end].map(f64::from);
+            // The area of the ellipse where the exponent is above `end`.
+            sum -= std::f64::consts::PI * end / (along * down).sqrt();
+        });
+    }
+    sum
+}
+
+/// A picture comes back as grey levels, and a density as one plane with its pad.
+#[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+fn one_plane_of_a_picture_is_read_back() {
+    let tally = Arc::new(Tally::default());
+    let watch = |_: &_| Some(tally.clone() as Arc<dyn KernelWatch>);
+    let device = Device::open_watched(AdapterChoice::Number(0), Checks::On, wgpu::Features::empty(), watch).unwrap();
+    let (gaussians, size) = (mixture(1, 500, 0.05), Size { width: 1920, height: 1080 });
+    let scene = scene(&gaussians);
+    let pictures = ScenePictures::new(&Arc::new(device), &scene).unwrap();
+    let view = view([1.0, 2.0, 6.0], [0.002, 0.05]);
+    let density = DensityView::of_view(&view, scene.bounds());
+    let plane = PlaneLayout::new(size).words()[0];
+    let lenses = [Lens::optical(&view, size, scene.bounds()), Lens::density(&density, size, [0.0; 3])];
+    let adds = lenses.map(|lens| additions(&gaussians, &lens.unwrap(), size));
+    let told = |what: &str, adds: f64, least: u64| {
+        let [dispatches, bytes] = tally.take();
+        println!("{what}: {dispatches} dispatches, {:.1} million additions, {bytes} bytes read back", 1e-6 * adds);
+        assert_eq!(bytes, least, "{what}");
+    };
+    // The second frame finds what the first one sent.
+    for _ in 0..2 {
+        for style in ToneStyle::ALL {
+            pictures.draw(&view, size, style, &Context::SILENT).unwrap();
+            told(style.name(), adds[0], size.pixels() as u64);
+        }
+        pictures.optical_depth(&view, size, &Context::SILENT).unwrap();
+        told("a layer", adds[0], 4 * plane);
+        pictures.surface_density(&density, size, &Context::SILENT).unwrap();
+        told("a density", adds[1], 4 * plane);
     }
 }
 
