@@ -49,7 +49,7 @@ impl Kernels {
                 &[include_str!("slices_bound_main.wgsl"), FRAME, PROJECT, SLICES, STROKE, BIN, BOUND],
                 &[Uniform, Read, Read, Read, Write, Uniform],
             ),
-            scale: new("scale", &[include_str!("scale_main.wgsl"), SCALE], &[Read, Write]),
+            scale: new("scales", &[include_str!("scale_main.wgsl"), FRAME, SCALE], &[Uniform, Read, Write]),
             raster: new(
                 "raster",
                 &[include_str!("raster_main.wgsl"), FRAME, SCALE, STROKE, SHARE, ROWS, SPAN, PLANES, RASTER],

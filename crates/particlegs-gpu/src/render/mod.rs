@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | project.wgsl, slices.wgsl | `project`, `project::slices` | Gaussians to footprints, whole or in pieces along depth |
 //! | bin.wgsl | `bin::place` | footprints to strokes on the plane that suits them |
-//! | bound.wgsl, scale_main.wgsl | none: it sums in float32 | the scale of sums of whole numbers that none wraps at |
+//! | bound.wgsl, scale_main.wgsl | none: it sums in float32 | a scale for each plane's sums of whole numbers that none wraps at |
 //! | raster.wgsl, ../share.wgsl | `raster::draw` | strokes to sums, by atomic adds, pixels shared out evenly |
 //! | tiles/ | none: a rival of the last, for strokes | lists of the strokes of 8 x 8 pixels to sums, a pixel by one thread |
 //! | pyramid.wgsl | `raster::pyramid` | planes summed from coarse to fine, as depth |
@@ -58,7 +58,7 @@ pub struct DepthCanvas {
     /// Of the finest plane, and of all others.
     sums: [wgpu::Buffer; 2],
     tiles: wgpu::Buffer,
-    /// The factor of sums, and its inverse.
+    /// The factor of sums of each plane, and its inverse.
     scales: wgpu::Buffer,
     cut_count: wgpu::Buffer,
     picture: wgpu::Buffer,
@@ -143,7 +143,7 @@ impl DepthRenderer {
         let sums = words.map(|w| device.buffer("sums", 4 * w, storage));
         let [finest, coarser] = &sums;
         let tiles = device.buffer("tiles", 8 * planes.tiles, storage);
-        let scale = device.buffer("scale", 8, storage);
+        let scale = device.buffer("scales", 8 * planes.levels.len() as u64, storage);
         let picture = device.buffer("picture", size.pixels() as u64, storage);
         // Batches are drawn one after the other, so all of them can use the same strokes.
         let largest = gaussians.chunks.iter().map(|c| u64::from(c.count)).max().unwrap_or(0);
@@ -188,7 +188,7 @@ impl DepthRenderer {
         let frame = &batches[0].frame;
         let steps = steps(device, kernels, &planes, [frame, &scale, finest, coarser]);
         let tone = self.tones.bind(device, [frame, &scale, finest, &picture]);
-        let bound = kernels.scale.bind(device, &[&tiles, &scale]);
+        let bound = kernels.scale.bind(device, &[frame, &tiles, &scale]);
         device.check()?;
         Ok(DepthCanvas {
             planes,
@@ -245,7 +245,7 @@ impl DepthRenderer {
                 self.bound_slices(&mut pass, batch);
             }
             if one {
-                self.kernels.scale.run(&mut pass, &canvas.scale, [1, 1]);
+                self.scale(&mut pass, canvas);
                 self.raster(&mut pass, batch, cuts);
                 self.sum_planes(&mut pass, canvas);
             }
@@ -256,7 +256,7 @@ impl DepthRenderer {
                 encoder.clear_buffer(&canvas.cut_count, 0, None);
                 let mut pass = encoder.begin_compute_pass(&Default::default());
                 if k == 0 {
-                    self.kernels.scale.run(&mut pass, &canvas.scale, [1, 1]);
+                    self.scale(&mut pass, canvas);
                 }
                 self.project(&mut pass, batch);
                 self.raster(&mut pass, batch, cuts);
@@ -281,6 +281,11 @@ impl DepthRenderer {
 
     fn project(&self, pass: &mut wgpu::ComputePass<'_>, batch: &GaussianBatch) {
         self.kernels.project.run(pass, &batch.project, groups(u64::from(batch.count)));
+    }
+
+    /// The scale of each plane, once all that comes together there is bounded.
+    fn scale(&self, pass: &mut wgpu::ComputePass<'_>, canvas: &DepthCanvas) {
+        self.kernels.scale.run(pass, &canvas.scale, [canvas.planes.levels.len() as u32, 1]);
     }
 
     fn raster(&self, pass: &mut wgpu::ComputePass<'_>, batch: &GaussianBatch, cuts: bool) {

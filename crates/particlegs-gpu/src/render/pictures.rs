@@ -26,20 +26,20 @@ enum LawRenderer<'a> {
 struct DepthPictures<'a> {
     renderer: Arc<DepthRenderer>,
     scene: Scene<'a>,
-    sent: Kept<SentScene, (Gaussians, Kept<Size, DepthCanvas>)>,
+    sent: DeviceCache<SceneKey, (Gaussians, DeviceCache<Size, DepthCanvas>)>,
 }
 
 /// A scene as the device has it.
-#[derive(Clone, PartialEq)]
-struct SentScene {
-    content: Content,
+#[derive(PartialEq)]
+struct SceneKey {
+    quantity: SummedQuantity,
     /// Shifts at which it is drawn, world units.
     shifts: Vec<[f64; 3]>,
 }
 
 /// What its Gaussians add up to.
 #[derive(Clone, Copy, PartialEq)]
-enum Content {
+enum SummedQuantity {
     Depth,
     /// Of Gaussians that may be moved to their images in the cell about a point.
     Density(Option<([f64; 3], Cell)>),
@@ -49,11 +49,11 @@ enum Content {
 struct AlphaPictures {
     renderer: alpha::AlphaRenderer,
     gaussians: alpha::Gaussians,
-    canvas: Kept<Size, alpha::AlphaCanvas>,
+    canvas: DeviceCache<Size, alpha::AlphaCanvas>,
 }
 
 /// Something on the device that the next picture can use again, where it is for the same.
-struct Kept<K, T>(Mutex<Option<(K, T)>>);
+struct DeviceCache<K, T>(Mutex<Option<(K, T)>>);
 
 impl<'a> ScenePictures<'a> {
     /// Of a scene of either law. Alpha blending has one look, whichever is asked for.
@@ -62,23 +62,23 @@ impl<'a> ScenePictures<'a> {
             return Ok(ScenePictures::of_depth(Arc::new(DepthRenderer::new(device)?), scene));
         }
         let (renderer, gaussians) = (alpha::AlphaRenderer::new(device)?, alpha::Gaussians::upload(device, scene)?);
-        let pictures = AlphaPictures { renderer, gaussians, canvas: Kept::new() };
+        let pictures = AlphaPictures { renderer, gaussians, canvas: DeviceCache::new() };
         Ok(ScenePictures(LawRenderer::AlphaBlend(Box::new(pictures))))
     }
 
     /// Of a scene of the optical-depth law, by kernels that are compiled already.
     pub fn of_depth(renderer: Arc<DepthRenderer>, scene: &Scene<'a>) -> Self {
-        let pictures = DepthPictures { renderer, scene: scene.clone(), sent: Kept::new() };
+        let pictures = DepthPictures { renderer, scene: scene.clone(), sent: DeviceCache::new() };
         ScenePictures(LawRenderer::OpticalDepth(Box::new(pictures)))
     }
 }
 
 impl DepthPictures<'_> {
-    /// Draws what the device has of a scene of this `content`, once that is sent. `None` where there is nothing to draw.
+    /// Draws what the device has of a scene for this quantity, once that is sent. `None` where there is nothing to draw.
     fn with<T>(
         &self,
         scene: &Scene<'_>,
-        content: Content,
+        quantity: SummedQuantity,
         size: Size,
         draw: impl FnOnce(&Gaussians, &DepthCanvas) -> Result<T>,
     ) -> Result<Option<T>> {
@@ -87,13 +87,13 @@ impl DepthPictures<'_> {
         }
         let device = &self.renderer.device;
         let send = || {
-            let gaussians = match content {
-                Content::Depth => Gaussians::upload(device, scene)?,
-                Content::Density(_) => Gaussians::upload_weighed(device, scene)?,
+            let gaussians = match quantity {
+                SummedQuantity::Depth => Gaussians::upload(device, scene)?,
+                SummedQuantity::Density(_) => Gaussians::upload_weighed(device, scene)?,
             };
-            Ok((gaussians, Kept::new()))
+            Ok((gaussians, DeviceCache::new()))
         };
-        let key = SentScene { content, shifts: scene.shifts().to_vec() };
+        let key = SceneKey { quantity, shifts: scene.shifts().to_vec() };
         let drawn = self.sent.with(key, send, |(gaussians, canvas)| {
             canvas.with(size, || self.renderer.canvas(gaussians, size), |canvas| draw(gaussians, canvas))
         });
@@ -106,7 +106,7 @@ impl Renderer for ScenePictures<'_> {
         match &self.0 {
             LawRenderer::OpticalDepth(pictures) => {
                 let draw = |gaussians: &_, canvas: &_| pictures.renderer.draw(gaussians, canvas, view, style);
-                let drawn = pictures.with(&pictures.scene, Content::Depth, size, draw)?;
+                let drawn = pictures.with(&pictures.scene, SummedQuantity::Depth, size, draw)?;
                 Ok(drawn.unwrap_or_else(|| Gray8::black(size)))
             }
             LawRenderer::AlphaBlend(pictures) if pictures.gaussians.is_empty() => Ok(Gray8::black(size)),
@@ -121,7 +121,7 @@ impl Renderer for ScenePictures<'_> {
     fn optical_depth(&self, view: &View, size: Size, _: &Context<'_>) -> Result<Plane> {
         match &self.0 {
             LawRenderer::OpticalDepth(pictures) => {
-                let drawn = pictures.with(&pictures.scene, Content::Depth, size, |gaussians, canvas| {
+                let drawn = pictures.with(&pictures.scene, SummedQuantity::Depth, size, |gaussians, canvas| {
                     pictures.renderer.submit(gaussians, canvas, view, ToneStyle::Expected)?;
                     pictures.renderer.depth(canvas)
                 })?;
@@ -158,15 +158,15 @@ impl SceneRenderer for ScenePictures<'_> {
         };
         surface_density_by(&pictures.scene, view, size, |scene, lens, size| {
             let draw = |gaussians: &_, canvas: &_| pictures.renderer.density(gaussians, canvas, lens);
-            let drawn = pictures.with(scene, Content::Density(place), size, draw)?;
+            let drawn = pictures.with(scene, SummedQuantity::Density(place), size, draw)?;
             Ok(drawn.unwrap_or_else(|| Plane::zeros(size)))
         })
     }
 }
 
-impl<K: PartialEq, T> Kept<K, T> {
+impl<K: PartialEq, T> DeviceCache<K, T> {
     fn new() -> Self {
-        Kept(Mutex::new(None))
+        DeviceCache(Mutex::new(None))
     }
 
     /// Works with what is there, where it is for this, or else with what is new; it is kept where that succeeds.

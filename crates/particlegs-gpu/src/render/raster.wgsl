@@ -14,7 +14,7 @@ var<workgroup> spans: array<Span, 64>;
 const SPANS: u32 = 64u;
 
 // All threads of a workgroup draw what they have brought: a stroke each, or NOWHERE.
-fn draw(me: u32, stroke: RasterSplat, plane: u32, scale: f32) {
+fn draw(me: u32, stroke: RasterSplat, plane: u32) {
     strokes_here[me] = stroke;
     planes_here[me] = plane;
     running_sum(ROWS, me, rows_of(stroke, plane).y);
@@ -38,7 +38,7 @@ fn draw(me: u32, stroke: RasterSplat, plane: u32, scale: f32) {
             let own = owner(SPANS, pixel);
             let along = within(SPANS, own, pixel);
             let span = spans[own];
-            let value = addition(strokes_here[span.stroke], span.start, along, scale);
+            let value = addition(strokes_here[span.stroke], span.start, along, scales[planes_here[span.stroke]].up);
             if value > 0u {
                 let at = span.at + along;
                 if at < others {

@@ -3,7 +3,7 @@
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> strokes: array<RasterSplat>;
 @group(0) @binding(2) var<storage, read> planes_of: array<u32>;
-@group(0) @binding(3) var<storage, read> scale: Scale;
+@group(0) @binding(3) var<storage, read> scales: array<Scale>;
 @group(0) @binding(4) var<storage, read_write> finest: array<atomic<u32>>;
 @group(0) @binding(5) var<storage, read_write> coarser: array<atomic<u32>>;
 // The first Gaussian of the dispatch.
@@ -20,5 +20,5 @@ fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_inde
             stroke = strokes[i];
         }
     }
-    draw(me, stroke, plane, scale.up);
+    draw(me, stroke, plane);
 }

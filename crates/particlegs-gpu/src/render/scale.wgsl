@@ -1,4 +1,4 @@
-// What turns depth into whole numbers, and back.
+// What turns depth into whole numbers, and back, on a plane.
 struct Scale {
     up: f32,
     down: f32,

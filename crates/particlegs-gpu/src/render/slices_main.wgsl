@@ -4,7 +4,7 @@
 @group(0) @binding(1) var<storage, read> gaussians: array<f32>;
 @group(0) @binding(2) var<storage, read> cuts: array<u32>;
 @group(0) @binding(3) var<storage, read> cut_count: u32;
-@group(0) @binding(4) var<storage, read> scale: Scale;
+@group(0) @binding(4) var<storage, read> scales: array<Scale>;
 @group(0) @binding(5) var<storage, read_write> finest: array<atomic<u32>>;
 @group(0) @binding(6) var<storage, read_write> coarser: array<atomic<u32>>;
 // The first cut Gaussian of the dispatch, and the one after its last.
@@ -39,7 +39,7 @@ fn main(
                     placed = place(footprint(frame.lens, g, m));
                 }
             }
-            draw(me, placed.stroke, placed.level, scale.up);
+            draw(me, placed.stroke, placed.level);
         }
     }
 }

@@ -186,6 +186,33 @@ fn densities_are_those_of_the_cpu() {
     assert!(none.surface_density(&view, size, &Context::SILENT).unwrap().data.iter().all(|v| *v == 0.0));
 }
 
+/// A density keeps its digits a million times below its highest pixel, where wide Gaussians lie beside dense points.
+#[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+fn faint_densities_are_those_of_the_cpu() {
+    let (mut gaussians, size) = (mixture(1, 3000, 0.3), Size { width: 1280, height: 720 });
+    for i in 0..200 {
+        let mean = gaussians.mean_of(i).map(|v| 0.1 * v);
+        gaussians.push(mean, Sym3::scaled_identity(1e-6), 2000.0, 0.0);
+    }
+    let scene = scene(&gaussians);
+    let view = DensityView::of_view(&view([1.0, 2.0, 6.0], [0.002, 0.05]), scene.bounds());
+    let a = ScenePictures::new(&device(), &scene).unwrap().surface_density(&view, size, &Context::SILENT).unwrap();
+    let b = render::surface_density(&scene, &view, size, &Context::SILENT).unwrap();
+    let highest = b.data.iter().fold(0.0f32, |h, v| h.max(*v));
+    for least in [1e-5, 1e-6] {
+        let both = a.data.iter().zip(&b.data).filter(|(_, b)| (least..10.0 * least).contains(&(*b / highest)));
+        let mut far: Vec<f32> = both.map(|(a, b)| (a / b - 1.0).abs()).collect();
+        far.sort_by(f32::total_cmp);
+        println!(
+            "from {least:e} of the largest pixel: {} pixels, half of them within {:.1e}",
+            far.len(),
+            far[far.len() / 2]
+        );
+        assert!(far.len() > 1000 && far[far.len() / 2] < 1e-3);
+    }
+}
+
 /// Planes of single layers against core's; one renderer gives depth and density in turn.
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
@@ -259,21 +286,21 @@ fn one_plane_of_a_picture_is_read_back() {
     let plane = PlaneLayout::new(size).words()[0];
     let lenses = [Lens::optical(&view, size, scene.bounds()), Lens::density(&density, size, [0.0; 3])];
     let adds = lenses.map(|lens| additions(&gaussians, &lens.unwrap(), size));
-    let told = |what: &str, adds: f64, least: u64| {
+    let checked_frame = |what: &str, adds: f64, least: u64| {
         let [dispatches, bytes] = tally.take();
-        println!("{what}: {dispatches} dispatches, {:.1} million additions, {bytes} bytes read back", 1e-6 * adds);
+        println!("{what}: {dispatches} dispatches, {:.0} thousand additions, {bytes} bytes read back", 1e-3 * adds);
         assert_eq!(bytes, least, "{what}");
     };
     // The second frame finds what the first one sent.
     for _ in 0..2 {
         for style in ToneStyle::ALL {
             pictures.draw(&view, size, style, &Context::SILENT).unwrap();
-            told(style.name(), adds[0], size.pixels() as u64);
+            checked_frame(style.name(), adds[0], size.pixels() as u64);
         }
         pictures.optical_depth(&view, size, &Context::SILENT).unwrap();
-        told("a layer", adds[0], 4 * plane);
+        checked_frame("a layer", adds[0], 4 * plane);
         pictures.surface_density(&density, size, &Context::SILENT).unwrap();
-        told("a density", adds[1], 4 * plane);
+        checked_frame("a density", adds[1], 4 * plane);
     }
 }
 

@@ -1,7 +1,7 @@
 // Depth to grey levels: core's render::tone.
 
 @group(0) @binding(0) var<uniform> frame: Frame;
-@group(0) @binding(1) var<storage, read> scale: Scale;
+@group(0) @binding(1) var<storage, read> scales: array<Scale>;
 @group(0) @binding(2) var<storage, read_write> planes: array<u32>;
 @group(0) @binding(3) var<uniform> style: ToneStyle;
 // The response at 2^e (1 + k/64), e from -14 to 3, and at 16; and what FXAA makes of means, at the same depths.
@@ -29,7 +29,7 @@ fn depth(x: u32, y: u32) -> f32 {
     let word = planes[(y + PAD) * level.width + x + PAD];
     var tau = bitcast<f32>(word);
     if style.is_sum == 1u {
-        tau = f32(word) * scale.down;
+        tau = f32(word) * scales[0].down;
     }
     return max(tau, 0.0) * growth(x, y);
 }

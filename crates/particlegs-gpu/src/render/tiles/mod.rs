@@ -126,7 +126,7 @@ impl<'a> DepthTiles<'a> {
             }
         }
         let mut pass = encoder.begin_compute_pass(&Default::default());
-        renderer.kernels.scale.run(&mut pass, &canvas.scale, [1, 1]);
+        renderer.scale(&mut pass, canvas);
     }
 
     /// Lists the strokes of a batch and sums them, then what is cut: after what an encoder has, and with one for the rest.

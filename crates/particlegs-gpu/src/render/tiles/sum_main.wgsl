@@ -4,7 +4,7 @@
 @group(0) @binding(1) var<storage, read> strokes: array<RasterSplat>;
 @group(0) @binding(2) var<storage, read> ends: array<u32>;
 @group(0) @binding(3) var<storage, read> entries: array<u32>;
-@group(0) @binding(4) var<storage, read> scale: Scale;
+@group(0) @binding(4) var<storage, read> scales: array<Scale>;
 @group(0) @binding(5) var<storage, read_write> finest: array<u32>;
 @group(0) @binding(6) var<storage, read_write> coarser: array<u32>;
 
@@ -69,7 +69,7 @@ fn main(
         for (var own = 0u; own < count; own++) {
             let row = rows[64u * (me / SIDE) + own];
             if pixel.x >= row.first && pixel.x < row.end {
-                sum += addition(strokes_here[own], row.start, pixel.x - row.first, scale.up);
+                sum += addition(strokes_here[own], row.start, pixel.x - row.first, scales[place.x].up);
             }
         }
         workgroupBarrier();
