@@ -18,7 +18,9 @@ impl PixelSplat {
     #[inline]
     pub fn sigma(&self) -> [f32; 2] {
         let [a, b, c, d] = self.axes;
-        if b == 0.0 && c == 0.0 { [a, d] } else { [libm::hypotf(a, b), libm::hypotf(c, d)] }
+        // Squares of float32 do not overflow in f64.
+        let length = |a: f32, b: f32| (f64::from(a) * f64::from(a) + f64::from(b) * f64::from(b)).sqrt() as f32;
+        if b == 0.0 && c == 0.0 { [a, d] } else { [length(a, b), length(c, d)] }
     }
 
     /// The reach of the square of three deviations along x and y.

@@ -226,6 +226,16 @@ fn place(grid: &Grid, axis: usize, u: f64) -> f32 {
 
 /// Adds a sorted chunk's particles in some planes; `out` holds those planes alone.
 fn add_to_planes(grid: &Grid, sorted: &SortedChunk, scheme: Assignment, planes: Range<usize>, out: &mut [f64]) {
+    // A constant in each call, so that the compiler unrolls the loops over cells.
+    match scheme {
+        Assignment::Ngp => add_by_scheme(grid, sorted, Assignment::Ngp, planes, out),
+        Assignment::Cic => add_by_scheme(grid, sorted, Assignment::Cic, planes, out),
+        Assignment::Tsc => add_by_scheme(grid, sorted, Assignment::Tsc, planes, out),
+    }
+}
+
+#[inline(always)]
+fn add_by_scheme(grid: &Grid, sorted: &SortedChunk, scheme: Assignment, planes: Range<usize>, out: &mut [f64]) {
     let n = grid.cells[0];
     let reach = usize::from(scheme != Assignment::Ngp);
     let mut visit = |plane: usize| {
@@ -247,7 +257,7 @@ fn add_to_planes(grid: &Grid, sorted: &SortedChunk, scheme: Assignment, planes: 
     }
 }
 
-#[inline]
+#[inline(always)]
 fn add_record(grid: &Grid, (u, mass): ([f32; 3], f64), scheme: Assignment, planes: &Range<usize>, out: &mut [f64]) {
     let order = scheme.order();
     let axes: [(i64, [f64; 3]); 3] = each_axis(|k| scheme.weights(f64::from(u[k])));

@@ -46,7 +46,7 @@ impl Assignment {
     }
 
     /// The first cell and the weights of coordinate `u` in cells, 0 or more (cell i spans i to i + 1).
-    #[inline]
+    #[inline(always)]
     pub(super) fn weights(self, u: f64) -> (i64, [f64; 3]) {
         // Of what is not negative, a conversion is the floor, and quicker.
         match self {
