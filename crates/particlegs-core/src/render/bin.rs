@@ -155,7 +155,7 @@ pub(super) fn place_by(
         let beyond = (-f64::from(at)).max(f64::from(at) - pixels as f64) - (2 * PAD) as f64;
         beyond > 0.0 && beyond * beyond > reach * reach * variance
     };
-    let (size, shape) = (levels[0].size, FootprintShape::new(f));
+    let (size, shape) = (levels[0].size, FootprintForm::new(f));
     if far(f.mean[0], shape.across, size.width) || far(f.mean[1], f64::from(f.down), size.height) {
         return None;
     }
@@ -164,7 +164,7 @@ pub(super) fn place_by(
 
 /// What a footprint's stroke follows from wherever it is: without a branch, so that loops over many become vectors.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct FootprintShape {
+pub(super) struct FootprintForm {
     /// Variance of x.
     pub across: f64,
     /// Value at the centre, before its sum over the pixel grid is made exact.
@@ -173,14 +173,14 @@ pub(super) struct FootprintShape {
     pub smaller: f64,
 }
 
-impl FootprintShape {
+impl FootprintForm {
     /// In f64: wide enough for every product.
     #[inline(always)]
     pub fn new(f: &Footprint) -> Self {
         let [xx, _, yy] = f.cov();
         let det = f64::from(f.across) * yy;
         let half_sum = 0.5 * (xx + yy);
-        FootprintShape {
+        FootprintForm {
             across: xx,
             peak: f64::from(f.sum) / (2.0 * std::f64::consts::PI * det.sqrt()),
             // The smaller eigenvalue, as a quotient: half the sum less the root would cancel for needles.
@@ -219,7 +219,7 @@ impl FootprintShape {
             return None;
         }
         // What the cut takes away is put back; these two are the most frequent.
-        let kept = match cut2 {
+        let share_inside = match cut2 {
             NEAREST_CUT => 1.0 - NEAREST_SHARE,
             SMALL_CUT => 1.0 - SMALL_SHARE,
             _ => 1.0 - libm::exp(-0.5 * cut2),
@@ -236,7 +236,7 @@ impl FootprintShape {
             along: (-HALF_LOG2_E / across * unscale2) as f32,
             down: (-HALF_LOG2_E / yy * unscale2) as f32,
             end: (-HALF_LOG2_E * cut2) as f32,
-            peak: (self.peak / (kept * lattice)) as f32,
+            peak: (self.peak / (share_inside * lattice)) as f32,
             half: half_y as f32,
         };
         Some(PlacedFootprint { level, scale, small, stroke: splat })

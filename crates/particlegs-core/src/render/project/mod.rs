@@ -9,7 +9,7 @@
 pub mod slices;
 
 use self::slices::{ClipClass, clip_class, whole};
-use super::bin::{FootprintShape, lattice_sums};
+use super::bin::{FootprintForm, lattice_sums};
 use super::lens::Lens;
 use crate::math::{Sym3, dot, each_axis};
 use crate::model::Mixture;
@@ -265,7 +265,7 @@ pub(super) struct FootprintBlock {
     pub is_whole: [bool; BLOCK],
     /// The columns of [`Footprint`], in its order.
     footprints: [[f32; BLOCK]; 6],
-    /// The columns of [`FootprintShape`], in its order.
+    /// The columns of [`FootprintForm`], in its order.
     shapes: [[f64; BLOCK]; 3],
     /// Sums over the pixel grid.
     lattice: [f32; BLOCK],
@@ -281,10 +281,10 @@ impl FootprintBlock {
 
     /// Footprint `k`, what its stroke follows from, and its sum over the pixel grid.
     #[inline(always)]
-    pub fn footprint(&self, k: usize) -> (Footprint, FootprintShape, f64) {
+    pub fn footprint(&self, k: usize) -> (Footprint, FootprintForm, f64) {
         let footprint: [f32; 6] = std::array::from_fn(|c| self.footprints[c][k]);
         let [across, peak, smaller] = each_axis(|c| self.shapes[c][k]);
-        (bytemuck::cast(footprint), FootprintShape { across, peak, smaller }, f64::from(self.lattice[k]))
+        (bytemuck::cast(footprint), FootprintForm { across, peak, smaller }, f64::from(self.lattice[k]))
     }
 
     /// Projects all Gaussians of a block.
@@ -302,7 +302,7 @@ impl FootprintBlock {
         }
         for k in 0..BLOCK {
             let footprint: [f32; 6] = std::array::from_fn(|c| self.footprints[c][k]);
-            let shape = FootprintShape::new(&bytemuck::cast(footprint));
+            let shape = FootprintForm::new(&bytemuck::cast(footprint));
             self.shapes[0][k] = shape.across;
             self.shapes[1][k] = shape.peak;
             self.shapes[2][k] = shape.smaller;
