@@ -7,6 +7,7 @@ Each effort makes three models of each snapshot, at ratios 1 % apart and with ot
 one size differ as much as two random starts). Differences are to `best`, model by model; +- is their spread.
 """
 import json
+import re
 import resource
 import statistics
 import subprocess
@@ -55,7 +56,7 @@ def main():
     binary, *cases = sys.argv[1:]
     version = run(binary, "--version")[0].decode().strip()
     print("# What each effort takes and gives\n")
-    print("```sh\nscripts/effort-page.py particlegs " + " ".join(c.split("=")[0] + "=..." for c in cases) + "\n```\n")
+    print("```sh\nscripts/effort-page.py particlegs " + " ".join(re.sub(r"[^=,]*/", "", c) for c in cases) + "\n```\n")
     print(f"{version}. Models of the same size; processor seconds without the certificate, median of three. "
           "Figures of `best` with their spread, then differences to it with theirs: three models each, "
           "at ratios 1 % apart and with other views and held-out halves.\n")

@@ -86,7 +86,7 @@ def main():
     binary, *cases = sys.argv[1:]
     version = subprocess.run([binary, "--version"], capture_output=True, text=True, check=True).stdout.strip()
     print("# Where the time of a compression goes\n")
-    print("```sh\nscripts/stage-times.py particlegs " + " ".join(c.split("=")[0] + "=..." for c in cases) + "\n```\n")
+    print("```sh\nscripts/stage-times.py particlegs " + " ".join(re.sub(r"[^=,]*/", "", c) for c in cases) + "\n```\n")
     print(f"{version}. Processor seconds by a sampling profiler (its own work included: 5 to 10 %), and the gigabytes "
           "to move and the billions of operations that each stage needs at least. A core moves about 10 GB/s and computes 20 "
           "to 50 billion float32 operations a second. Stages without such a bound have a dash.\n")

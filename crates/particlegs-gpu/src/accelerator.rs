@@ -38,14 +38,14 @@ impl GpuAccelerator {
     }
 }
 
-/// What is there, or else what `compile` gives. If two threads come here at once, one compiles in vain.
-fn compiled<T>(there: &OnceLock<T>, compile: impl FnOnce() -> Result<T>) -> Result<&T> {
-    if let Some(there) = there.get() {
-        return Ok(there);
+/// The kernels of `cell`, compiled where they are not yet. If two threads come here at once, one compiles in vain.
+fn compiled<T>(cell: &OnceLock<T>, compile: impl FnOnce() -> Result<T>) -> Result<&T> {
+    if let Some(kernels) = cell.get() {
+        return Ok(kernels);
     }
     // `get_or_init` takes no work that may fail.
-    let new = compile()?;
-    Ok(there.get_or_init(|| new))
+    let kernels = compile()?;
+    Ok(cell.get_or_init(|| kernels))
 }
 
 impl fmt::Debug for GpuAccelerator {

@@ -14,12 +14,12 @@ pub enum Checks {
     On,
 }
 
-/// Runs kernels in its own way, as a clock does that stands about them, and hears of what is read back.
+/// Runs kernels, for example between two readings of a clock, and counts what is read back.
 pub trait KernelWatch: Send + Sync {
     /// `run` dispatches the kernel of this name.
     fn around(&self, kernel: &'static str, pass: &mut wgpu::ComputePass<'_>, run: &dyn Fn(&mut wgpu::ComputePass<'_>));
 
-    /// So many bytes of a buffer are read back.
+    /// Called when `bytes` of a buffer are read back.
     fn reads(&self, _bytes: u64) {}
 }
 

@@ -99,8 +99,7 @@ impl NearestImages {
         Ok(NearestImages { centre: crop.center(), cell, fractions })
     }
 
-    /// Replaces the positions of `columns` (about `origin`) by those of `chunk` (about `offset`) at
-    /// their images.
+    /// Adds the positions of `chunk` (about `offset`), at their images, to `columns` (about `origin`).
     pub fn nearest(&self, chunk: &Chunk<'_>, offset: [f64; 3], origin: [f64; 3], columns: &mut [Vec<f32>; 4]) {
         if self.cell.lengths().is_some() {
             // Axes of an upright box are each on their own, and vectors of numbers.
@@ -110,13 +109,13 @@ impl NearestImages {
                 let turns = |p: f64| if is_periodic { floor((p - centre) * fraction + 0.5) } else { 0.0 };
                 let nearest = |p: f64| p - turns(p) * length;
                 let positions = chunk.position[k].iter().map(|&v| nearest(f64::from(v) + offset[k]));
-                columns[k].iter_mut().zip(positions).for_each(|(column, p)| *column = (p - origin[k]) as f32);
+                columns[k].extend(positions.map(|p| (p - origin[k]) as f32));
             }
             return;
         }
         for i in 0..chunk.len() {
             let p = self.nearest_to(each_axis(|k| f64::from(chunk.position[k][i]) + offset[k]));
-            (0..3).for_each(|k| columns[k][i] = (p[k] - origin[k]) as f32);
+            (0..3).for_each(|k| columns[k].push((p[k] - origin[k]) as f32));
         }
     }
 
@@ -151,6 +150,31 @@ mod tests {
         assert_eq!(t.shift(2), [0.0, 0.0, 200.0]);
         assert_eq!(t.shift(4), [1.0, 0.0, 100.0]);
         assert_eq!(t.cell(&Cell::orthogonal([1.0, 10.0, 100.0])).lengths(), Some([2.0, 10.0, 300.0]));
+    }
+
+    /// Upright boxes, axis by axis, give what a place at a time gives.
+    #[test]
+    fn images_of_chunks_are_those_of_each_place() {
+        let mut p = Particles::from_columns(
+            (0..400).map(|i| 0.173 * i as f32 - 30.0).collect(),
+            (0..400).map(|i| 0.5 * (i % 80) as f32 - 20.0).collect(),
+            (0..400).map(|i| 9.0 - 0.31 * i as f32).collect(),
+        );
+        for (vectors, periodic) in [
+            ([[10.0, 0.0, 0.0], [0.0, 8.0, 0.0], [0.0, 0.0, 6.0]], [true, true, false]),
+            ([[10.0, 0.0, 0.0], [2.0, 8.0, 0.0], [1.0, -1.0, 6.0]], [true; 3]),
+        ] {
+            p.meta.cell = Some(Cell { origin: [0.0; 3], vectors, periodic });
+            let crop = Bounds { min: [1.0, 2.0, 1.0], max: [4.0, 4.0, 3.0] };
+            let images = NearestImages::about(&crop, p.meta.cell.as_ref(), "a test").unwrap();
+            let (mut buffer, mut columns, origin) = (Default::default(), <[Vec<f32>; 4]>::default(), [0.5, 0.0, -1.0]);
+            images.nearest(&p.chunk(0..400, &mut buffer), [0.25, 0.0, 0.0], origin, &mut columns);
+            for i in 0..400 {
+                let x = p.position(i);
+                let image = images.nearest_to([x[0] + 0.25, x[1], x[2]]);
+                (0..3).for_each(|k| assert_eq!(columns[k][i], (image[k] - origin[k]) as f32));
+            }
+        }
     }
 
     #[test]

@@ -413,20 +413,19 @@ impl<'a> SelectedParticles<'a> {
     fn fill(&self, id: u64, run: &mut Run) -> Result<()> {
         let shift = self.tiling.shift(self.place(id).1);
         let chunk = self.particles.chunk(self.range(id), &mut run.buffer);
-        for k in 0..3 {
-            let offset = self.particles.origin[k] - self.origin[k] + shift[k];
-            run.columns[k].clear();
-            // Offsets are added in f64, and the sum is rounded once.
-            run.columns[k].extend(chunk.position[k].iter().map(|&v| (f64::from(v) + offset) as f32));
-        }
-        if let Some(images) = &self.images {
-            let offset = each_axis(|k| self.particles.origin[k] + shift[k]);
-            images.nearest(&chunk, offset, self.origin, &mut run.columns);
+        run.columns.iter_mut().for_each(Vec::clear);
+        // Offsets are added in f64, and the sum is rounded once.
+        let offset: [f64; 3] = each_axis(|k| self.particles.origin[k] + shift[k]);
+        match &self.images {
+            Some(images) => images.nearest(&chunk, offset, self.origin, &mut run.columns),
+            None => (0..3).for_each(|k| {
+                let offset = self.particles.origin[k] - self.origin[k] + shift[k];
+                run.columns[k].extend(chunk.position[k].iter().map(|&v| (f64::from(v) + offset) as f32));
+            }),
         }
         if run.columns[..3].iter().flatten().any(|v| !v.is_finite()) {
             return Err(Error::input(&self.particles.meta.name, "some positions are too large for float32"));
         }
-        run.columns[3].clear();
         run.columns[3].extend_from_slice(chunk.weight.unwrap_or(&[]));
         Ok(())
     }

@@ -9,8 +9,7 @@ use super::rans::{Coder, RansReader, RansWriter};
 use super::shape::CholeskyFactor;
 use super::sums::compensated;
 use super::wire::WireReader;
-use crate::math::exp;
-use crate::math::{Sym3, each_axis};
+use crate::math::{Sym3, each_axis, exp};
 use crate::model::{FieldMoments, Mixture, Quantity, QuantityKind};
 
 /// Shape numbers and logarithms at most.

@@ -3,8 +3,7 @@
 use super::number_model::{FieldNumberCoder, FieldPredictor, expected};
 use super::rans::{Coder, RansReader, RansWriter};
 use super::wire::WireReader;
-use crate::math::exp;
-use crate::math::{each_axis, norm};
+use crate::math::{each_axis, exp, norm};
 use crate::model::Mixture;
 
 /// Steps in standard errors: what lies within two errors of the guess is the guess.

@@ -8,8 +8,7 @@ use super::rans::Coder;
 use super::symbols::Residual;
 use super::tree::{TreeCell, long_uniform};
 use super::trellis::TrellisState;
-use crate::math::Sym3;
-use crate::math::exp;
+use crate::math::{Sym3, exp};
 
 /// Whole numbers of one Gaussian. `t`, `m`, `w` and `shape` are on half steps (2 k + lattice).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

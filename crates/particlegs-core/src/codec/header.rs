@@ -4,8 +4,7 @@ use super::exact::exp_twice;
 use super::predictor::{Predictor, SIZE_SLOPES};
 use super::tree::TreeCell;
 use super::wire::WireReader;
-use crate::math::exp;
-use crate::math::{Sym3, each_axis};
+use crate::math::{Sym3, each_axis, exp};
 use crate::space::Bounds;
 
 /// Stages of a block's streams at most.

@@ -5,8 +5,7 @@ use super::exact::exp_twice;
 use super::series::TrackedModel;
 use super::shape::CholeskyFactor;
 use super::sums::compensated;
-use crate::math::exp;
-use crate::math::{Sym3, each_axis};
+use crate::math::{Sym3, each_axis, exp};
 use crate::model::{Block, Epoch, Layer, Metadata, Mixture, Model, Quantity};
 use crate::space::{Bounds, Cell};
 

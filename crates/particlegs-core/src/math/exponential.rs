@@ -33,8 +33,8 @@ pub fn exp(x: f64) -> f64 {
     p * f64::from_bits(shifted.to_bits().wrapping_add(1023) << 52)
 }
 
-/// The largest whole number that is not above `x`; the nearest but one, perhaps, from 2^51 on. The library's own is a
-/// call where the compiler does not know that the machine rounds.
+/// The largest whole number that is not above `x`, for |x| below 2^51; larger numbers may come back one off. `f64::floor` is
+/// a function call for the processors that a default build is made for.
 #[inline(always)]
 pub fn floor(x: f64) -> f64 {
     let nearest = (x + ROUNDER) - ROUNDER;

@@ -194,22 +194,22 @@ fn project_run(
 ) -> (StrokeBins, usize) {
     let (m, range) = (run.m, run.start..run.end());
     let mut binner = Binner::new(levels, range.len() + range.len() / 4);
-    let (mut block, mut whole, mut pieces) = (GaussianBlock::EMPTY, FootprintBlock::EMPTY, Vec::new());
+    let (mut gaussians, mut footprints, mut slices) = (GaussianBlock::EMPTY, FootprintBlock::EMPTY, Vec::new());
     for start in range.clone().step_by(BLOCK) {
         if binner.strokes() > MOST_STROKES {
             return (binner.finish(), range.end - start);
         }
         let numbers = start..range.end.min(start + BLOCK);
-        block.read(m, numbers.clone(), &weight);
+        gaussians.read(m, numbers.clone(), &weight);
         for lens in lenses {
-            fearless_simd::dispatch!(simd, simd => whole.project(simd, lens, &block));
-            for (k, i) in numbers.clone().enumerate().filter(|(k, _)| block.weight[*k] > 0.0) {
-                if whole.is_whole[k] {
-                    binner.add_whole(&whole, k);
-                } else if let Some(g) = CameraGaussian::from_mixture(lens, m, i, block.weight[k]) {
-                    pieces.clear();
-                    project(lens, &[g], &mut pieces);
-                    binner.add(&pieces);
+            fearless_simd::dispatch!(simd, simd => footprints.project(simd, lens, &gaussians));
+            for (k, i) in numbers.clone().enumerate().filter(|(k, _)| gaussians.weight[*k] > 0.0) {
+                if footprints.is_whole[k] {
+                    binner.add_whole(&footprints, k);
+                } else if let Some(g) = CameraGaussian::from_mixture(lens, m, i, gaussians.weight[k]) {
+                    slices.clear();
+                    project(lens, &[g], &mut slices);
+                    binner.add(&slices);
                 }
             }
         }

@@ -219,8 +219,10 @@ fn place(grid: &Grid, axis: usize, u: f64) -> f32 {
         below(u)
     } else if grid.periodic[axis] {
         below(u.rem_euclid(f64::from(n)))
+    } else if u == f64::from(n) {
+        n.next_down()
     } else {
-        if u == f64::from(n) { n.next_down() } else { -1.0 }
+        -1.0
     }
 }
 
