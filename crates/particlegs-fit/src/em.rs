@@ -6,7 +6,7 @@
 use super::Moments;
 use super::em_kernel::{self, CandidateSums, KernelScratch, ParticleGroup, SUMS, WhitenedGaussian};
 use super::overlap_tree::{Ellipsoid, OverlapSearch, OverlapTree, SearchReach};
-use super::prior::{MeanShape, Prior};
+use super::prior::{Neighbourhood, Prior};
 use particlegs_core::context::Context;
 use particlegs_core::math::{Sym3, each_axis};
 use particlegs_core::{Error, Result, parallel};
@@ -33,6 +33,11 @@ impl RefinedGaussians {
         self.cov.push(cov);
         self.count.push(count);
         self.mass.push(mass);
+    }
+
+    /// Some of them as neighbours of one.
+    pub(crate) fn neighbourhood(&self, of: impl Iterator<Item = usize>) -> Neighbourhood {
+        Neighbourhood::of(of.map(|i| (self.cov[i], self.count[i])))
     }
 }
 
@@ -204,14 +209,10 @@ impl Candidates {
         groups.range.iter().enumerate().all(|(g, range)| range.is_empty() || !self.of(g).is_empty())
     }
 
-    /// The mean shape of the candidates of each group, where group j is Gaussian j's.
-    pub(crate) fn mean_shapes(&self, gaussians: &RefinedGaussians) -> Vec<Sym3> {
+    /// The candidates of each group, where group j is Gaussian j's.
+    pub(crate) fn neighbourhoods(&self, gaussians: &RefinedGaussians) -> Vec<Neighbourhood> {
         parallel::map_range(gaussians.len(), |j| {
-            let mut mean = MeanShape::new();
-            for &i in self.of(j).iter().take(NEIGHBOURS) {
-                mean.add(&gaussians.cov[i as usize], gaussians.count[i as usize]);
-            }
-            mean.get()
+            gaussians.neighbourhood(self.of(j).iter().take(NEIGHBOURS).map(|&i| i as usize))
         })
     }
 
@@ -360,7 +361,7 @@ fn whiten(cov: &Sym3, floor: f64, share: f64) -> ([f32; 6], f64) {
 }
 
 /// The M step: each Gaussian becomes the moments of the responsibilities it got, its shape as far as they support
-/// it against the one `expected`, or goes further than that. One that got (nearly) nothing keeps its shape with a count of
+/// it against that of its neighbours, or goes further than that. One that got (nearly) nothing keeps its shape with a count of
 /// zero.
 pub(crate) fn maximise(
     expectation: &Expectation,
@@ -368,7 +369,7 @@ pub(crate) fn maximise(
     candidates: &Candidates,
     gaussians: &mut RefinedGaussians,
     shape: Regularisation,
-    expected: &[Sym3],
+    neighbourhoods: &[Neighbourhood],
 ) {
     let updates = parallel::map_range(gaussians.len(), |j| {
         let total = gather(expectation, groups, candidates, j, gaussians.mean[j]);
@@ -382,7 +383,7 @@ pub(crate) fn maximise(
         let mean = each_axis(|k| gaussians.mean[j][k] + d[k]);
         // What the focus took off is put back before the prior, which is of whole Gaussians.
         let sample_cov = nonnegative(unfocus(cov, &gaussians.cov[j], shape));
-        let cov = shape.prior.most_probable(&sample_cov, count, &expected[j]);
+        let cov = shape.prior.most_probable(&sample_cov, count, &neighbourhoods[j]);
         let step = GaussianStep { mean, cov, count };
         let old = GaussianStep { mean: gaussians.mean[j], cov: gaussians.cov[j], count: gaussians.count[j] };
         let GaussianStep { mean, cov, count: reached } = old.beyond(step, shape.stride).unwrap_or(step);
@@ -526,7 +527,7 @@ fn reorder<T: Copy + Default + Send + Sync>(values: &[T], order: &[u32], reorder
 
 #[cfg(test)]
 mod tests {
-    use super::super::prior::SPHERE;
+    use super::super::prior::Neighbourhood;
     use super::*;
     use particlegs_core::context::Context;
     use particlegs_core::math::Random;
@@ -566,7 +567,7 @@ mod tests {
                 let least = last - 0.02 * particles.xyz.len() as f64 * PLAIN.floor / 0.01;
                 prop_assert!(e.likelihood >= least, "{} {last}", e.likelihood);
                 last = e.likelihood;
-                maximise(&e, groups, &candidates, &mut gaussians, PLAIN, &[SPHERE; 8]);
+                maximise(&e, groups, &candidates, &mut gaussians, PLAIN, &[Neighbourhood::UNKNOWN; 8]);
                 prop_assert!((gaussians.count.iter().sum::<f64>() - 400.0).abs() < 1e-3);
             }
         }
@@ -583,7 +584,7 @@ mod tests {
             let shape = Regularisation { stride, ..PLAIN };
             for _ in 0..5 {
                 expect(store.view(), &candidates, &gaussians, shape, &mut e, &Context::SILENT).unwrap();
-                maximise(&e, &store.groups, &candidates, &mut gaussians, shape, &[SPHERE; 8]);
+                maximise(&e, &store.groups, &candidates, &mut gaussians, shape, &[Neighbourhood::UNKNOWN; 8]);
             }
             e.likelihood
         };
@@ -630,7 +631,7 @@ mod tests {
             let particles = GroupedParticles { xyz: &xyz, weight: None, groups: &groups };
             let mut e = Expectation::default();
             expect(particles, &candidates, &gaussians, shape, &mut e, &Context::SILENT).unwrap();
-            maximise(&e, &groups, &candidates, &mut gaussians, shape, &[SPHERE]);
+            maximise(&e, &groups, &candidates, &mut gaussians, shape, &[Neighbourhood::UNKNOWN]);
         }
         for (k, s) in [(0, 0.3), (3, 0.1), (5, 0.02)] {
             let sigma = gaussians.cov[0].0[k].sqrt();

@@ -12,7 +12,7 @@ use super::em::{
 };
 use super::gain::{Blur, picture_sigma};
 use super::overlap_tree::SearchReach;
-use super::prior::{MeanShape, Prior};
+use super::prior::{Neighbourhood, Prior};
 use super::split_merge::{MoveOptions, exchange};
 use super::transmittance::TransmittanceMaps;
 use super::{Moments, ParticleStore, Partition};
@@ -225,14 +225,14 @@ impl Refiner<'_> {
             let sampled = sample(whole, rate, self.options.seed);
             // Priors weigh by particles: the sample's Gaussians must have the sample's counts meanwhile.
             scale_counts(&mut gaussians, rate);
-            let expected;
-            (expected, born) = self.rounds(sampled.view(), &mut gaussians)?;
+            let neighbourhoods;
+            (neighbourhoods, born) = self.rounds(sampled.view(), &mut gaussians)?;
             scale_counts(&mut gaussians, 1.0 / rate);
             if self.options.last_iterations > 0 {
                 // The candidates of the rounds are those of the sample's groups.
                 let candidates = self.candidates(&groups, &gaussians)?;
                 let iterations = self.options.last_iterations;
-                let neighbours = (&candidates, &expected[..]);
+                let neighbours = (&candidates, &neighbourhoods[..]);
                 self.iterate(whole, neighbours, &mut gaussians, (iterations, true), &mut Expectation::default())?;
             }
         } else {
@@ -247,12 +247,12 @@ impl Refiner<'_> {
         Candidates::find(groups, gaussians, SearchReach { most: 24, beyond: 14.0 }, self.shape().floor, self.context)
     }
 
-    /// EM with fixed candidates and expected shapes; leaves the last E step in `expectation`, with its owners. The last
+    /// EM with fixed candidates and neighbours; leaves the last E step in `expectation`, with its owners. The last
     /// iteration of all goes no further than EM, so that moments are those of the particles.
     fn iterate(
         &self,
         particles: GroupedParticles<'_>,
-        (candidates, expected): (&Candidates, &[Sym3]),
+        (candidates, neighbourhoods): (&Candidates, &[Neighbourhood]),
         gaussians: &mut RefinedGaussians,
         (iterations, is_end): (usize, bool),
         expectation: &mut Expectation,
@@ -269,7 +269,7 @@ impl Refiner<'_> {
                 shape.stride = 1.0;
             }
             expect(particles, candidates, gaussians, shape, expectation, self.context)?;
-            maximise(expectation, particles.groups, candidates, gaussians, shape, expected);
+            maximise(expectation, particles.groups, candidates, gaussians, shape, neighbourhoods);
             if enough.is_some_and(|enough| expectation.likelihood - previous_likelihood < enough) {
                 break;
             }
@@ -278,13 +278,13 @@ impl Refiner<'_> {
         Ok(())
     }
 
-    /// EM and rounds of split and merge; returns the shape that was expected of each Gaussian last, and which are
+    /// EM and rounds of split and merge; returns each Gaussian's last neighbours, and which are
     /// halves of others.
     fn rounds(
         &self,
         particles: GroupedParticles<'_>,
         gaussians: &mut RefinedGaussians,
-    ) -> Result<(Vec<Sym3>, Vec<bool>)> {
+    ) -> Result<(Vec<Neighbourhood>, Vec<bool>)> {
         let options = self.options;
         let mut born = vec![false; gaussians.len()];
         let moves = |radii: f64| MoveOptions {
@@ -295,16 +295,22 @@ impl Refiner<'_> {
             share: options.most_moved,
         };
         let candidates = self.candidates(particles.groups, gaussians)?;
-        let mut expected = shapes_beside(gaussians);
+        let mut neighbourhoods = cells_beside(gaussians);
         let mut expectation = Expectation::default();
         let first_iterations = options.first_iterations.max(1);
         let is_end = options.rounds == 0;
-        self.iterate(particles, (&candidates, &expected), gaussians, (first_iterations, is_end), &mut expectation)?;
+        self.iterate(
+            particles,
+            (&candidates, &neighbourhoods),
+            gaussians,
+            (first_iterations, is_end),
+            &mut expectation,
+        )?;
         self.context.advance(1);
         let (mut store, mut next_store) = (None::<GroupStore>, GroupStore::default());
         // Of the round before, and what it exchanged.
         let mut previous_candidates = None::<(Candidates, Vec<GaussianExchange>)>;
-        let Some(transmittance) = self.shade else { return Ok((expected, born)) };
+        let Some(transmittance) = self.shade else { return Ok((neighbourhoods, born)) };
         for round in 1..=options.rounds {
             let last = round == options.rounds;
             self.context.check()?;
@@ -324,34 +330,35 @@ impl Refiner<'_> {
                 Some(candidates) => candidates,
                 None => self.candidates(particles.groups, gaussians)?,
             };
-            expected = candidates.mean_shapes(gaussians);
+            neighbourhoods = candidates.neighbourhoods(gaussians);
             let moves = moves(if last { LAST_MOVE_BLUR_RADII } else { MOVE_BLUR_RADII });
             let exchanges = exchange(gaussians, particles, &candidates, transmittance, moves, self.context)?;
             let candidates = candidates.after(&exchanges, gaussians.len());
             for m in &exchanges {
                 // A half lies where the whole did, so the same neighbours tell its shape.
-                expected[m.freed as usize] = expected[m.split as usize];
+                neighbourhoods[m.freed as usize] = neighbourhoods[m.split as usize];
                 born[m.freed as usize] = true;
             }
             let iterations = if last { options.settling } else { options.iterations };
-            self.iterate(particles, (&candidates, &expected), gaussians, (iterations.max(1), last), &mut expectation)?;
+            self.iterate(
+                particles,
+                (&candidates, &neighbourhoods),
+                gaussians,
+                (iterations.max(1), last),
+                &mut expectation,
+            )?;
             previous_candidates = Some((candidates, exchanges));
             self.context.advance(1);
         }
-        Ok((expected, born))
+        Ok((neighbourhoods, born))
     }
 }
 
-/// The mean shape of each cell's neighbours in the order of the cuts.
-fn shapes_beside(cells: &RefinedGaussians) -> Vec<Sym3> {
+/// Each cell's neighbours in the order of the cuts.
+fn cells_beside(cells: &RefinedGaussians) -> Vec<Neighbourhood> {
     const CELLS: usize = 4;
-    parallel::map_range(cells.len(), |i| {
-        let mut mean = MeanShape::new();
-        for k in i.saturating_sub(CELLS)..cells.len().min(i + CELLS + 1) {
-            mean.add(&cells.cov[k], cells.count[k]);
-        }
-        mean.get()
-    })
+    let beside = |i: usize| i.saturating_sub(CELLS)..cells.len().min(i + CELLS + 1);
+    parallel::map_range(cells.len(), |i| cells.neighbourhood(beside(i)))
 }
 
 /// The cells as Gaussians.

@@ -6,7 +6,7 @@
 use super::cut::principal_axis;
 use super::em::{Candidates, GaussianExchange, GroupedParticles, RefinedGaussians, Regularisation};
 use super::gain::{Blur, PictureGaussian};
-use super::prior::SPHERE;
+use super::prior::Neighbourhood;
 use super::transmittance::TransmittanceMaps;
 use particlegs_core::context::Context;
 use particlegs_core::math::{Sym3, each_axis};
@@ -189,7 +189,10 @@ fn best_splits(
     context: &Context<'_>,
 ) -> Result<Vec<SplitProposal>> {
     let Regularisation { prior, floor, .. } = options.shape;
-    let fitted = |b: &PictureGaussian| PictureGaussian { cov: prior.most_probable(&b.cov, b.count, &SPHERE), ..*b };
+    let fitted = |b: &PictureGaussian| PictureGaussian {
+        cov: prior.most_probable(&b.cov, b.count, &Neighbourhood::UNKNOWN),
+        ..*b
+    };
     let groups = particles.groups;
     let split = |j: usize| {
         let points = &particles.xyz[groups.range[j].clone()];
