@@ -17,7 +17,7 @@ use particlegs_core::codec::{SeriesDecoder, SeriesFile};
 use particlegs_core::context::Context;
 use particlegs_core::model::{LawKind, Model, check_densities, hex, species_title};
 use particlegs_core::picture::{Gray8, Pixels, Rgb8, Size};
-use particlegs_core::render::{Renderer, Scene, SceneRenderer, Scratch, draw_into, field_map};
+use particlegs_core::render::{Renderer, Scene, SceneRenderer, Scratch, draw_into};
 use particlegs_core::splat::ToneStyle;
 use particlegs_core::{Error, Hint, NamedValue, Result, parallel};
 use particlegs_files::input::name_of;
@@ -447,9 +447,7 @@ impl<'a> ScenePainter<'a> {
     fn parts<'m>(&self, model: &'m Model) -> Result<SceneParts<'m>> {
         let (options, scene) = (&self.settings.options, Scene::new(model));
         let device = options.pictures.device.as_ref();
-        if self.field.is_some() {
-            options.pictures.refuse_device("fields are drawn on the CPU only")?;
-        } else if self.settings.style.is_none() {
+        if self.settings.style.is_none() && self.field.is_none() {
             model.check_density(|_| true)?;
         }
         if !options.color_by_layer {
@@ -475,10 +473,10 @@ impl<'a> ScenePainter<'a> {
         let (scene, context) = (&parts.scene, self.context);
         let Some(style) = self.settings.style else {
             let view = subject.density_view(view, size);
-            if let Some(field) = self.field {
-                return Ok(field.content(field_map(scene, &field.query, &view, size, context)?));
-            }
             let renderer: &dyn SceneRenderer = parts.on_device.as_deref().unwrap_or(scene);
+            if let Some(field) = self.field {
+                return Ok(field.content(renderer.field_map(&field.query, &view, size, context)?));
+            }
             return Ok(ViewContent::Density(renderer.surface_density(&view, size, context)?));
         };
         if !parts.layers.is_empty() {

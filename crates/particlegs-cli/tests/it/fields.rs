@@ -17,7 +17,7 @@ fn read(folder: &Path, name: &str) -> Vec<f64> {
 }
 
 /// Two clouds that fall towards each other along x, and a temperature that rises along y.
-fn snapshot(folder: &Path) {
+pub fn snapshot(folder: &Path) {
     std::fs::create_dir(folder).unwrap();
     let mut columns = vec![Vec::new(); 7];
     for i in 0..COUNT as u64 {

@@ -1,8 +1,8 @@
 //! `devices` and `--device`.
 
-use crate::common::{TestFolder, said};
 #[cfg(feature = "gpu")]
-use crate::common::{snapshot, tiny};
+use crate::common::tiny;
+use crate::common::{TestFolder, said};
 #[cfg(feature = "gpu")]
 use particlegs_core::{codec, model::LawKind};
 
@@ -103,24 +103,45 @@ fn a_gpu_draws_densities_and_coloured_layers() {
         "species.pgs --color-by-layer --style expected".into(),
         "species.pgs --color-by-layer".into(),
     ] {
-        let drawn = ["0", "cpu"].map(|device| {
-            let png = dir.makes(&format!("render {words} --size 160x90 -q --device {device} -o out.png"));
-            let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
-            let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
-            reader.next_frame(&mut bytes).unwrap();
-            bytes
-        });
-        let largest = drawn[0].iter().zip(&drawn[1]).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
-        let lit = drawn[1].iter().filter(|v| **v > 0).count();
-        println!("{words}: {lit} lit, {largest} levels apart");
-        assert!(lit > 200, "{words}: hardly a picture");
-        assert!(drawn[0].len() == drawn[1].len() && largest <= 1, "{words}: {largest} levels apart");
+        agrees(&dir, &words);
     }
-    let line: Vec<f32> = (0..200).map(|i| i as f32).collect();
-    snapshot(&dir.at("line"), &[0; 3].map(|_| line.clone()));
-    dir.write("line/heat.f32", dir.bytes("line/xx.f32"));
-    dir.runs("compress line -o line.pgs --gaussians 4 --effort fast --certificate none --fields heat -q");
-    dir.fails("render line.pgs --field heat --device 0 -q -o no.png", 2, "fields are drawn on the CPU only");
+}
+
+/// Maps of fields in perspective, parallel and of a slab; what another field weighs is refused.
+#[cfg(feature = "gpu")]
+#[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+fn a_gpu_draws_fields() {
+    let dir = TestFolder::new();
+    crate::fields::snapshot(&dir.at("snap"));
+    dir.runs("compress snap -o m.pgs --gaussians 60 --effort fast --certificate none --fields all -q");
+    for words in [
+        "--field temperature",
+        "--field temperature --field-weight count --scale log --shade",
+        "--field velocity.los --projection orthographic --width 5 --depth 0.4",
+        "--field dispersion.velocity.z --projection orthographic --colormap grey",
+    ] {
+        agrees(&dir, &format!("m.pgs {words} --no-annotations"));
+    }
+    let weighted = "render m.pgs --field temperature --field-weight temperature --device 0 -q -o no.png";
+    dir.fails(weighted, 2, "means weighted by another field are drawn on the CPU only");
+}
+
+/// Draws a picture on the GPU and on the CPU: no byte of a pixel may be off by more than one.
+#[cfg(feature = "gpu")]
+fn agrees(dir: &TestFolder, words: &str) {
+    let drawn = ["0", "cpu"].map(|device| {
+        let png = dir.makes(&format!("render {words} --size 160x90 -q --device {device} -o out.png"));
+        let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut bytes).unwrap();
+        bytes
+    });
+    let largest = drawn[0].iter().zip(&drawn[1]).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+    let lit = drawn[1].iter().filter(|v| **v > 0).count();
+    println!("{words}: {lit} lit, {largest} levels apart");
+    assert!(lit > 200, "{words}: hardly a picture");
+    assert!(drawn[0].len() == drawn[1].len() && largest <= 1, "{words}: {largest} levels apart");
 }
 
 /// A run on the device and one on the CPU: held-out scores within 0.05 dB.

@@ -1,5 +1,6 @@
 //! Maps of a field: its weighted mean along each line of sight, or its dispersion about that (docs/law/fields.md).
 
+use super::bin::RasterSplat;
 use super::field_query::{FieldQuery, MapComponent};
 use super::field_strokes::{FieldFootprint, FieldStroke, FieldTerms, SumKind, draw};
 use super::lens::Lens;
@@ -45,6 +46,25 @@ pub fn field_map(
     size: Size,
     context: &Context<'_>,
 ) -> Result<FieldMap> {
+    field_map_by(scene, query, view, size, context, |strokes, sums, canvas| {
+        let bands = banded(strokes, &canvas.levels);
+        canvas.draw_bands(|number, mut band| {
+            context.check()?;
+            draw(context.simd(), &mut band, bands[number].iter().map(|&s| &strokes[s as usize]), sums);
+            Ok(())
+        })
+    })
+}
+
+/// The same, where `sum` adds strokes to the planes of a canvas, in their order.
+pub fn field_map_by(
+    scene: &Scene,
+    query: &FieldQuery,
+    view: &DensityView,
+    size: Size,
+    context: &Context<'_>,
+    sum: impl Fn(&[FieldStroke], &FieldTerms, &mut RasterCanvas<'_>) -> Result<()>,
+) -> Result<FieldMap> {
     // Values of sums are over the particles' own weights.
     let unit = |mass: f64| if query.per_area { 1.0 } else { mass };
     let has_it = scene.parts.iter().filter(|(m, _)| m.fields.get(&query.name).is_some());
@@ -70,7 +90,7 @@ pub fn field_map(
     let scene = Scene { parts, shifts: scene.shifts.clone(), ..scene };
     let tails = |cell: &_| all_tails(&scene, view.camera.focal_point, cell);
     let mut planes =
-        view.wrapped_planes(size, tails, |view, size| drawn(&scene, query, &sums, (view, size), context))?;
+        view.wrapped_planes(size, tails, |view, size| drawn(&scene, query, &sums, (view, size), context, &sum))?;
     // Mass sets the threshold of an empty pixel, also where another field weighs (docs/law/fields.md).
     let mass = if sums.weighed { &planes[sums.planes() - 1] } else { &planes[0] };
     let at = |i: usize| -> f64 {
@@ -213,6 +233,7 @@ fn drawn(
     sums: &FieldTerms,
     (view, size): (&DensityView, Size),
     context: &Context<'_>,
+    sum: &impl Fn(&[FieldStroke], &FieldTerms, &mut RasterCanvas<'_>) -> Result<()>,
 ) -> Result<Vec<Plane>> {
     let mut scratch = Scratch::default();
     let mut canvas = RasterCanvas::new(size, sums.planes(), &mut scratch, context)?;
@@ -240,12 +261,7 @@ fn drawn(
             }
         }
     }
-    let bands = banded(&strokes, &canvas.levels);
-    canvas.draw_bands(|number, mut band| {
-        context.check()?;
-        draw(context.simd(), &mut band, bands[number].iter().map(|&s| &strokes[s as usize]), sums);
-        Ok(())
-    })?;
+    sum(&strokes, sums, &mut canvas)?;
     let rows = canvas.finish(&FIELD_W, context);
     let plane = |k: usize| {
         let mut plane = Plane::zeros(size);
@@ -264,7 +280,8 @@ fn banded(strokes: &[FieldStroke], levels: &[Level]) -> Vec<Vec<u32>> {
     for (place, s) in strokes.iter().enumerate() {
         let level = &levels[s.level];
         let row = |y: f32| y.clamp(0.0, (level.rows - 1) as f32) as usize / BAND;
-        let touched = row(s.splat.y - s.splat.half)..=row(s.splat.y + s.splat.half);
+        let RasterSplat { y, half, .. } = s.splat.raster;
+        let touched = row(y - half)..=row(y + half);
         bands[level.first_band..][touched].iter_mut().for_each(|band| band.push(place as u32));
     }
     bands

@@ -14,8 +14,9 @@ use std::f64::consts::LOG2_E;
 const CUT: f64 = 30.0;
 
 /// What is summed beside the weight, in units that float32 holds.
-#[derive(Clone, Copy)]
-pub(super) struct FieldTerms {
+#[derive(Clone, Copy, Debug)]
+pub struct FieldTerms {
+    /// The sums.
     pub kind: SumKind,
     /// The number that is subtracted from values; not from those of exponentials.
     pub reference: f64,
@@ -25,9 +26,9 @@ pub(super) struct FieldTerms {
     pub weighed: bool,
 }
 
-/// The sums that follow the weight's.
-#[derive(Clone, Copy, PartialEq)]
-pub(super) enum SumKind {
+/// The sums that follow the weight's; a GPU knows them by their numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SumKind {
     /// Of weight times value.
     Value,
     /// Of weight times the exponential of a logarithm.
@@ -59,24 +60,36 @@ pub(super) struct FieldFootprint {
     pub by: Option<WeightFootprint>,
 }
 
-/// A footprint on its plane. Lengths are in that plane's pixels.
-pub(super) struct FieldStroke {
-    pub splat: RasterSplat,
+/// A footprint on its plane.
+pub struct FieldStroke {
     /// The number of its plane.
     pub level: usize,
+    /// What it adds there, unless another field weighs.
+    pub splat: FieldSplat,
+    /// Where another field weighs: the footprint in the picture's pixels, and those of a pixel here.
+    weighed: Option<(Box<FieldFootprint>, f64)>,
+}
+
+/// A footprint and the field on it, in the pixels of its plane: 80 bytes, as a GPU reads them.
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct FieldSplat {
+    /// Where it is, and its weight.
+    pub raster: RasterSplat,
     /// The value at its centre, scaled, or the binary logarithm of an exponential, and its change per pixel.
     value: f32,
     tilt: [f32; 2],
     /// Variance of values, or the least and largest binary logarithm of exponentials.
     variance: f32,
     ends: [f32; 2],
-    slab: Option<SlabStroke>,
-    /// Where another field weighs: the footprint in the picture's pixels, and those of a pixel here.
-    weighed: Option<(Box<FieldFootprint>, f64)>,
+    /// 1 where a slab cuts it.
+    is_cut: u32,
+    slab: SlabStroke,
 }
 
 /// A slab's ends from the mean depth at a pixel, in deviations.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
 struct SlabStroke {
     /// At the footprint's centre.
     ends: [f32; 2],
@@ -104,22 +117,26 @@ impl FieldFootprint {
             _ => (self.value, sums.scale, 0.0, [0.0; 2]),
         };
         let slab = self.slab.as_ref().map(|s| SlabStroke {
-            ends: s.range.map(|end| ((end - s.mean) / s.deviation) as f32),
+            ends: s.range.map(|end| ((end - s.mean) / s.deviation).clamp(-INFINITE, INFINITE) as f32),
             tilt: per_deviation(s).map(|t| (-t * pixels) as f32),
             slope: (s.slope * s.deviation * if sums.kind == SumKind::Exponential { 1.0 } else { sums.scale }) as f32,
         });
-        Some(FieldStroke {
-            splat: placed.stroke,
-            level: placed.level,
+        let splat = FieldSplat {
+            raster: placed.stroke,
             value: (value * unit + offset) as f32,
             tilt: self.tilt.map(|t| (t * unit * pixels) as f32),
             variance: (self.variance * unit * unit) as f32,
             ends: ends.map(|end| (end * unit + offset).max(LEAST_POWER) as f32),
-            slab,
-            weighed: self.by.is_some().then(|| (Box::new(self), pixels)),
-        })
+            is_cut: u32::from(slab.is_some()),
+            slab: slab.unwrap_or_default(),
+        };
+        let weighed = self.by.is_some().then(|| (Box::new(self), pixels));
+        Some(FieldStroke { level: placed.level, splat, weighed })
     }
 }
+
+/// Ends of a slab, in deviations, that GPUs need not know from infinity.
+const INFINITE: f64 = 1e30;
 
 /// The least power of two of an exponential.
 const LEAST_POWER: f64 = -110.0;
@@ -148,7 +165,7 @@ fn draw_all<'a, S: Simd, const N: usize>(
     let lanes = lanes(simd);
     let plane = band.stride / N;
     for f in strokes {
-        let s = &f.splat;
+        let s = &f.splat.raster;
         for (row, dy) in s.rows(band) {
             let Some(RowSpan { from, count, aside, fall }) = s.span(dy, band.width) else { continue };
             let pixels = &mut band.data[row * band.stride..][..band.stride];
@@ -157,7 +174,7 @@ fn draw_all<'a, S: Simd, const N: usize>(
                 let weight = s.eight(simd, dx, fall);
                 let from_center = dx + s.slope * dy;
                 let terms: [f32x8<S>; N] = match &f.weighed {
-                    None => f.terms(simd, weight, [from_center, f32x8::splat(simd, dy)], sums),
+                    None => f.splat.terms(simd, weight, [from_center, f32x8::splat(simd, dy)], sums),
                     Some((footprint, pixels)) => {
                         let mut terms = [f32x8::splat(simd, 0.0); N];
                         for lane in 0..8 {
@@ -178,7 +195,7 @@ fn draw_all<'a, S: Simd, const N: usize>(
     }
 }
 
-impl FieldStroke {
+impl FieldSplat {
     /// What eight pixels get, at `place` from the centre, that have a weight without a slab.
     #[inline(always)]
     fn terms<S: Simd, const N: usize>(
@@ -190,7 +207,7 @@ impl FieldStroke {
     ) -> [f32x8<S>; N] {
         let value = x * self.tilt[0] + (y * self.tilt[1] + self.value);
         let mut terms = [weight; N];
-        let Some(slab) = &self.slab else {
+        if self.is_cut == 0 {
             match sums.kind {
                 SumKind::Exponential => terms[1] = weight * exp2(value.max(self.ends[0]).min(self.ends[1])),
                 SumKind::Value => terms[1] = weight * value,
@@ -200,7 +217,8 @@ impl FieldStroke {
                 }
             }
             return terms;
-        };
+        }
+        let slab = &self.slab;
         // A slab changes share, mean and variance at each pixel (docs/law/fields.md, "Along a line of sight").
         let moved = x * slab.tilt[0] + y * slab.tilt[1];
         let [share, shift, square] = slab.moments(simd, moved);

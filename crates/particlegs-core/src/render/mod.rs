@@ -45,8 +45,9 @@ pub mod plain;
 mod tests;
 
 pub use depth::{draw, draw_into, optical_depth, optical_depth_into};
-pub use field_map::{FieldMap, field_map};
+pub use field_map::{FieldMap, field_map, field_map_by};
 pub use field_query::{FieldQuery, FieldWeight, MapComponent, first_means, mean_vector};
+pub use field_strokes::{FieldSplat, FieldStroke, FieldTerms, SumKind};
 pub use scene::{Renderer, Scene, SceneRenderer};
 pub use scratch::Scratch;
 pub use surface::{extent, surface_density, surface_density_by, whole_view};

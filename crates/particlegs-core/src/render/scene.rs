@@ -2,6 +2,8 @@
 //! and of particles.
 
 use super::alpha::Blend;
+use super::field_map::FieldMap;
+use super::field_query::FieldQuery;
 use super::tone::Tones;
 use crate::Result;
 use crate::camera::{DensityView, Normalisation, View};
@@ -142,18 +144,28 @@ pub trait Renderer: Sync {
     fn optical_depth(&self, view: &View, size: Size, context: &Context<'_>) -> Result<Plane>;
 }
 
-/// Draws a scene, also as its surface density.
+/// Draws a scene, also as its surface density and the map of a field.
 pub trait SceneRenderer: Renderer {
     /// The surface density of each pixel ([`super::surface_density`]), mass or particles a world unit squared.
     ///
     /// # Errors
     /// As [`Renderer::draw`]; of a scene of the alpha-blend law, those of the device.
     fn surface_density(&self, view: &DensityView, size: Size, context: &Context<'_>) -> Result<Plane>;
+
+    /// The map of a field ([`super::field_map`]).
+    ///
+    /// # Errors
+    /// Those of that; a GPU refuses means that another field weighs.
+    fn field_map(&self, query: &FieldQuery, view: &DensityView, size: Size, context: &Context<'_>) -> Result<FieldMap>;
 }
 
 impl SceneRenderer for Scene<'_> {
     fn surface_density(&self, view: &DensityView, size: Size, context: &Context<'_>) -> Result<Plane> {
         super::surface_density(self, view, size, context)
+    }
+
+    fn field_map(&self, query: &FieldQuery, view: &DensityView, size: Size, context: &Context<'_>) -> Result<FieldMap> {
+        super::field_map(self, query, view, size, context)
     }
 }
 

@@ -31,6 +31,7 @@ pub(super) struct Kernels {
     pub slices: Kernel,
     pub pyramid: Kernel,
     pub pyramid_coarsest: Kernel,
+    pub field: Kernel,
 }
 
 impl Kernels {
@@ -83,6 +84,7 @@ impl Kernels {
                 &[include_str!("pyramid_coarsest_main.wgsl"), PYRAMID, PYRAMID_PLANES, PLANES, FRAME, SCALE],
                 &[Uniform, Read, Write, Write, Uniform],
             ),
+            field: new("fields", &[include_str!("field_main.wgsl"), STROKE], &[Uniform, Read, Read, Read, Write]),
         }
     }
 }

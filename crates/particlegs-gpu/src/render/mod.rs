@@ -9,9 +9,11 @@
 //! | tiles/ | none: a rival of the last, for strokes | lists of the strokes of 8 x 8 pixels to sums, a pixel by one thread |
 //! | pyramid.wgsl | `raster::pyramid` | planes summed from coarse to fine, as depth |
 //! | tone.wgsl | `tone` | depth to grey levels |
+//! | field_main.wgsl | `field_strokes` | strokes of a field, which core makes, to sums |
 //!
 //! Nothing is sorted, and nothing depends on the order in which threads come.
 
+mod fields;
 mod frame;
 mod gaussians;
 mod kernels;

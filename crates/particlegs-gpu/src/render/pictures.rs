@@ -8,10 +8,12 @@ use particlegs_core::model::LawKind;
 use particlegs_core::picture::{Gray8, Plane, Size};
 use particlegs_core::render::alpha::depth_as_bright;
 use particlegs_core::render::lens::Lens;
-use particlegs_core::render::{Renderer, Scene, SceneRenderer, depth, surface_density_by};
+use particlegs_core::render::{
+    FieldMap, FieldQuery, Renderer, Scene, SceneRenderer, depth, field_map_by, surface_density_by,
+};
 use particlegs_core::space::Cell;
 use particlegs_core::splat::ToneStyle;
-use particlegs_core::{Error, Result};
+use particlegs_core::{Error, Hint, Result};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A scene on a device, drawn at whatever size, one picture at a time.
@@ -160,6 +162,20 @@ impl SceneRenderer for ScenePictures<'_> {
             let draw = |gaussians: &_, canvas: &_| pictures.renderer.density(gaussians, canvas, lens);
             let drawn = pictures.with(scene, SummedQuantity::Density(place), size, draw)?;
             Ok(drawn.unwrap_or_else(|| Plane::zeros(size)))
+        })
+    }
+
+    fn field_map(&self, query: &FieldQuery, view: &DensityView, size: Size, context: &Context<'_>) -> Result<FieldMap> {
+        let LawRenderer::OpticalDepth(pictures) = &self.0 else {
+            return Err(Error::argument_with("a GPU draws no fields of an alpha-blend scene", Hint::use_cpu()));
+        };
+        if query.by.is_some() {
+            let message = "means weighted by another field are drawn on the CPU only";
+            return Err(Error::argument_with(message, Hint::use_cpu()));
+        }
+        field_map_by(&pictures.scene, query, view, size, context, |strokes, terms, canvas| {
+            let most = pictures.renderer.device.largest_binding();
+            pictures.renderer.sum_field(strokes, terms, canvas, most, context)
         })
     }
 }

@@ -6,13 +6,13 @@ use crate::{AdapterChoice, Checks, KernelWatch};
 use particlegs_core::camera::{DensityView, Projection, Window};
 use particlegs_core::context::Context;
 use particlegs_core::math::{Random, Sym3, each_axis};
-use particlegs_core::model::{Block, LawKind, Layer, Mass, Metadata, Mixture, Model};
+use particlegs_core::model::{Block, FieldMoments, LawKind, Layer, Mass, Metadata, Mixture, Model};
 use particlegs_core::picture::{Plane, psnr};
 use particlegs_core::render::bin::place;
 use particlegs_core::render::project::CameraGaussian;
 use particlegs_core::render::project::slices::{ClipClass, clip_class, pieces};
 use particlegs_core::render::raster::pyramid::levels;
-use particlegs_core::render::{self, Renderer, Scene, SceneRenderer};
+use particlegs_core::render::{self, FieldQuery, MapComponent, Renderer, Scene, SceneRenderer};
 use particlegs_core::space::{Bounds, Cell};
 use std::sync::Mutex;
 
@@ -213,6 +213,90 @@ fn faint_densities_are_those_of_the_cpu() {
     }
 }
 
+/// Gaussians with fields that change across them: a scalar, one over decades and a vector.
+fn with_fields(mut m: Mixture) -> Mixture {
+    let (mut scalar, mut flow) = (FieldMoments::new(1), FieldMoments::new(3));
+    for i in 0..m.len() {
+        let mut r = Random::new(12, 0, i as u64);
+        for (field, components) in [(&mut scalar, 1), (&mut flow, 3)] {
+            for k in 0..components {
+                field.mean[k].push(3.0 + 2.0 * r.normal());
+                (0..3).for_each(|a| field.slope[k][a].push(4.0 * r.normal()));
+            }
+            let spread = Sym3::outer(each_axis(|_| r.normal())).add(&Sym3::scaled_identity(0.2));
+            field.spread.iter_mut().enumerate().for_each(|(k, column)| column.push(spread.0[k]));
+            field.range.fill([-30.0, 40.0]);
+        }
+    }
+    let excess = Some((0..m.len()).map(|i| 0.1 * (i as f64).cos()).collect());
+    m.fields.set("heat", FieldMoments { range: vec![[-9.0, 12.0]], excess, ..scalar.clone() });
+    m.fields.set("scalar", scalar);
+    m.fields.set("velocity", flow);
+    m
+}
+
+fn field_query(name: &str, component: MapComponent, dispersion: bool) -> FieldQuery {
+    let (bulk, weight) = ([0.5, 0.0, -0.3], Default::default());
+    FieldQuery { name: name.into(), component, dispersion, bulk, per_area: false, weight, by: None }
+}
+
+/// Maps of fields against core's: means, exponentials of logarithms, components of vectors and dispersions.
+#[test]
+#[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
+fn fields_are_those_of_the_cpu() {
+    let renderer = Arc::new(DepthRenderer::new(&device()).unwrap());
+    let compared = |name: &str, scene: &Scene<'_>, view: &DensityView, size: Size| {
+        let pictures = ScenePictures::of_depth(renderer.clone(), scene);
+        for (field, component, dispersion) in [
+            ("scalar", MapComponent::Scalar, true),
+            ("heat", MapComponent::Scalar, false),
+            ("velocity", MapComponent::LineOfSight, false),
+        ] {
+            let query = field_query(field, component, dispersion);
+            let [a, b] = [&pictures as &dyn SceneRenderer, scene]
+                .map(|renderer| renderer.field_map(&query, view, size, &Context::SILENT).unwrap());
+            // Values over decades have colours by their logarithms.
+            let shade = |v: f64| if field == "heat" { v.ln() } else { v };
+            let both = a.values.data.iter().zip(&b.values.data).map(|(a, b)| [shade(*a), shade(*b)]);
+            let values: Vec<_> = both.clone().filter(|[a, b]| a.is_finite() && b.is_finite()).collect();
+            let ends = values.iter().fold([f64::INFINITY, -f64::INFINITY], |[l, h], [_, b]| [l.min(*b), h.max(*b)]);
+            let far = values.iter().fold(0.0f64, |far, [a, b]| far.max((a - b).abs())) / (ends[1] - ends[0]);
+            let one_empty = both.filter(|[a, b]| a.is_finite() != b.is_finite()).count();
+            println!("{name}, {}: {far:.1e} of the range, {one_empty} of {} empty", query.title(), values.len());
+            assert!(values.len() > size.pixels() / 50, "{name}: hardly a picture");
+            assert!(far < 1e-3 && one_empty <= 1, "{name}, {}: {far:.1e}, {one_empty}", query.title());
+            let far = apart(&a.density, &b.density, 0.0);
+            assert!(far < 1e-5, "{name}, {}: density {far:.1e}", query.title());
+        }
+        let weighed = FieldQuery { by: Some("heat".into()), ..field_query("scalar", MapComponent::Scalar, false) };
+        let error = pictures.field_map(&weighed, view, size, &Context::SILENT).unwrap_err();
+        assert!(error.to_string().contains("weighted by another field"), "{error}");
+    };
+    for DepthRenderCase { name, gaussians, view, size } in cases() {
+        let gaussians = with_fields(gaussians);
+        let scene = scene(&gaussians);
+        compared(name, &scene, &DensityView::of_view(&view, scene.bounds()), size);
+    }
+    let gaussians = with_fields(mixture(6, 800, 0.1));
+    let (scene, size) = (scene(&gaussians), Size { width: 96, height: 80 });
+    for (name, width, depth) in [("a whole box", 2.4, None), ("a thin slab of copies", 5.0, Some(1e-3))] {
+        let window = Window { center: [0.7, -0.2, 0.4], angles_deg: [0.0; 2], width, depth };
+        let view =
+            DensityView::orthographic("w", &window, size, scene.bounds(), Some(Cell::orthogonal([2.0; 3]))).unwrap();
+        compared(name, &scene, &view, size);
+    }
+    // Strips give the bits of the whole, as does a second time.
+    let view = DensityView::of_view(&cases()[3].view, scene.bounds());
+    let query = field_query("heat", MapComponent::Scalar, false);
+    let [once, again, strips] = [u64::MAX, u64::MAX, 20_000].map(|most| {
+        let map = render::field_map_by(&scene, &query, &view, size, &Context::SILENT, |strokes, terms, canvas| {
+            renderer.sum_field(strokes, terms, canvas, most, &Context::SILENT)
+        });
+        map.unwrap().values.data.into_iter().map(f64::to_bits).collect::<Vec<_>>()
+    });
+    assert!(once == again && once == strips);
+}
+
 /// Planes of single layers against core's; one renderer gives depth and density in turn.
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
@@ -271,14 +355,14 @@ fn additions(m: &Mixture, lens: &Lens, size: Size) -> f64 {
     sum
 }
 
-/// A picture comes back as grey levels, and a density as one plane with its pad.
+/// A picture comes back as grey levels, a density as one plane with its pad, and a field as its sums on every plane.
 #[test]
 #[ignore = "needs a GPU, or Mesa's lavapipe: tests/gpu/run.sh"]
 fn one_plane_of_a_picture_is_read_back() {
     let tally = Arc::new(Tally::default());
     let watch = |_: &_| Some(tally.clone() as Arc<dyn KernelWatch>);
     let device = Device::open_watched(AdapterChoice::Number(0), Checks::On, wgpu::Features::empty(), watch).unwrap();
-    let (gaussians, size) = (mixture(1, 500, 0.05), Size { width: 1920, height: 1080 });
+    let (gaussians, size) = (with_fields(mixture(1, 500, 0.05)), Size { width: 1920, height: 1080 });
     let scene = scene(&gaussians);
     let pictures = ScenePictures::new(&Arc::new(device), &scene).unwrap();
     let view = view([1.0, 2.0, 6.0], [0.002, 0.05]);
@@ -301,6 +385,11 @@ fn one_plane_of_a_picture_is_read_back() {
         checked_frame("a layer", adds[0], 4 * plane);
         pictures.surface_density(&density, size, &Context::SILENT).unwrap();
         checked_frame("a density", adds[1], 4 * plane);
+        let query = field_query("scalar", MapComponent::Scalar, false);
+        pictures.field_map(&query, &density, size, &Context::SILENT).unwrap();
+        // The coarsest planes have no strokes.
+        let planes = levels(size).into_iter().take(3).map(|level| 8 * (level.stride * level.rows) as u64);
+        checked_frame("a field", 0.0, planes.sum());
     }
 }
 

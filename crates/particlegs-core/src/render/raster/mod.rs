@@ -156,7 +156,8 @@ pub fn exp2<S: Simd>(x: f32x8<S>) -> f32x8<S> {
 const CHECK: usize = 4096;
 
 /// Planes of a picture, finest first.
-pub(super) struct RasterCanvas<'a> {
+pub struct RasterCanvas<'a> {
+    /// The shape of each.
     pub levels: Vec<PlaneLevel>,
     /// Planes drawn together at each level: a row of each, then the next row.
     number: usize,
@@ -164,7 +165,7 @@ pub(super) struct RasterCanvas<'a> {
 }
 
 impl<'a> RasterCanvas<'a> {
-    pub fn new(size: Size, number: usize, scratch: &'a mut Scratch, context: &Context<'_>) -> Result<Self> {
+    pub(super) fn new(size: Size, number: usize, scratch: &'a mut Scratch, context: &Context<'_>) -> Result<Self> {
         let levels = pyramid::levels(size);
         let lengths = levels.iter().map(|l| number * l.stride * l.rows);
         context.require_memory("a picture", 4 * lengths.clone().sum::<usize>() as u64)?;
@@ -176,7 +177,7 @@ impl<'a> RasterCanvas<'a> {
     }
 
     /// Adds strokes, in their order.
-    pub fn draw(&mut self, bins: &[StrokeBins], context: &Context<'_>) -> Result<()> {
+    pub(super) fn draw(&mut self, bins: &[StrokeBins], context: &Context<'_>) -> Result<()> {
         let simd = context.simd();
         self.draw_bands(|number, mut band| {
             for bin in bins {
@@ -189,8 +190,13 @@ impl<'a> RasterCanvas<'a> {
         })
     }
 
+    /// The sums of each level, with its shape.
+    pub fn sums(&mut self) -> impl Iterator<Item = (&PlaneLevel, &mut [f32])> {
+        self.levels.iter().zip(self.planes.iter_mut().map(|plane| &mut plane[..]))
+    }
+
     /// Draws each band of all levels, by its number.
-    pub fn draw_bands(&mut self, draw: impl Fn(usize, Band) -> Result<()> + Sync) -> Result<()> {
+    pub(super) fn draw_bands(&mut self, draw: impl Fn(usize, Band) -> Result<()> + Sync) -> Result<()> {
         let number = self.number;
         let bands = self.levels.iter().zip(&mut *self.planes).flat_map(|(level, plane)| {
             plane.chunks_mut(number * level.stride * BAND).enumerate().map(move |(b, data)| (level, b, data))
@@ -203,7 +209,7 @@ impl<'a> RasterCanvas<'a> {
 
     /// The planes summed, without the pad, interpolated by `taps`; rows of the second and further planes follow the
     /// first's. The interpolation may undershoot: see [`clip`].
-    pub fn finish(self, taps: &[f32; 8], context: &Context<'_>) -> PlaneRows<'a> {
+    pub(super) fn finish(self, taps: &[f32; 8], context: &Context<'_>) -> PlaneRows<'a> {
         for l in (1..self.levels.len()).rev() {
             let (finer, coarser) = self.planes.split_at_mut(l);
             let levels = [&self.levels[l], &self.levels[l - 1]];
