@@ -1,6 +1,7 @@
 //! One layer of a block: fitted, trained where the job is to, and coded.
 
 use super::clock::Clock;
+use super::held_power::{hold_power, room};
 use super::plan::{BlockSetup, StopPolicy};
 use super::size::{CodedGaussians, SizeTarget, bytes_a_gaussian, most_gaussians};
 use super::thickness::Thickness;
@@ -81,6 +82,17 @@ struct GaussianGoal {
     bytes: Option<u64>,
 }
 
+/// The bytes that Gaussians are coded to.
+#[derive(Clone, Copy, Default)]
+struct CodingGoal {
+    /// At most; `None` at the nominal steps.
+    bytes: Option<u64>,
+    /// The precision to code them at, where it matters.
+    step_factor: Option<f64>,
+    /// The caller has stopped the work already.
+    stopped: bool,
+}
+
 pub(super) struct LayerTask<'a> {
     pub layer: &'a LayerParticles,
     pub setup: BlockSetup<'a>,
@@ -115,9 +127,8 @@ impl LayerTask<'_> {
         let (coded, mixture) = target.find(|number| {
             let mixture = clock.time("fit", || self.fit(number, &mut fitter, checkpoints))?;
             let mixture_copy = training.is_some().then(|| mixture.clone());
-            let check = || self.setup.context.check();
-            let code = |encoder: &Encoder| CodedGaussians::to_size(encoder, bytes, None, check);
-            Ok((clock.time("code", || self.coded(mixture, code))?, mixture_copy))
+            let goal = CodingGoal { bytes: Some(bytes), ..CodingGoal::default() };
+            Ok((clock.time("code", || self.coded(mixture, goal))?, mixture_copy))
         })?;
         // It holds a copy of the particles, which training does not need.
         drop(fitter);
@@ -221,39 +232,51 @@ impl LayerTask<'_> {
     }
 
     /// Codes Gaussians. In a flat box those that are not trained get the particles' thickness.
-    fn coded(
-        &self,
-        mut gaussians: Mixture,
-        code: impl Fn(&Encoder) -> Result<CodedGaussians>,
-    ) -> Result<CodedGaussians> {
+    fn coded(&self, mut gaussians: Mixture, goal: CodingGoal) -> Result<CodedGaussians> {
         let thickness = || Thickness::new(self.layer.particles(), &self.layer.bounds);
         let untrained = self.setup.plan.training.is_none();
         let Some(thickness) = untrained.then(thickness).flatten() else {
-            return code(&self.encoder(gaussians)?);
+            return self.coded_as_they_are(gaussians, goal);
         };
         // Coding changes how wide thin Gaussians are, so each trial corrects by what the decoded ones show.
         for _ in 1..Thickness::TRIALS {
-            let coded = code(&self.encoder(gaussians.clone())?)?;
+            let coded = self.coded_as_they_are(gaussians.clone(), goal)?;
             let factor = thickness.factor(&[&decode_block(&coded.bytes, "a block")?.gaussians]);
             if (factor - 1.0).abs() < 0.01 {
                 return Ok(coded);
             }
             gaussians.stretch(thickness.axis, factor);
         }
-        code(&self.encoder(gaussians)?)
+        self.coded_as_they_are(gaussians, goal)
+    }
+
+    /// Codes Gaussians; with the power of the particles where they are the whole, and not trained.
+    fn coded_as_they_are(&self, gaussians: Mixture, goal: CodingGoal) -> Result<CodedGaussians> {
+        let (plan, context) = (self.setup.plan, self.setup.context);
+        let mut encoder = self.encoder(gaussians)?;
+        let holds_power = plan.recipe().blocks <= 1 && plan.training.is_none();
+        let mut coded = match goal.bytes {
+            Some(bytes) => {
+                let size = if holds_power { bytes - room(bytes) } else { bytes };
+                // What was stopped is coded all the same.
+                let check = || if goal.stopped { Ok(()) } else { context.check() };
+                CodedGaussians::to_size(&encoder, size, goal.step_factor, check)?
+            }
+            None => CodedGaussians::at_nominal_steps(&encoder),
+        };
+        if holds_power {
+            let most = goal.bytes.map_or(u64::MAX, |bytes| bytes.saturating_sub(encoder.stage_bytes() as u64));
+            hold_power(&mut encoder, &mut coded, (self.layer.particles(), most), context)?;
+        }
+        Ok(coded)
     }
 
     /// Codes Gaussians to a size, or at the nominal steps.
     fn code(&self, fitted: LayerFit, bytes: Option<u64>) -> Result<LayerResult> {
         let LayerFit { mixture, step_factor, trained, stopped, mut clock } = fitted;
         let vizmapper = network_of(&mixture);
-        // What was stopped is coded all the same.
-        let check = || if stopped { Ok(()) } else { self.setup.context.check() };
-        let code = |encoder: &Encoder| match bytes {
-            Some(bytes) => CodedGaussians::to_size(encoder, bytes, step_factor, check),
-            None => Ok(CodedGaussians::at_nominal_steps(encoder)),
-        };
-        let coded = clock.time("code", || self.coded(mixture, code))?;
+        let goal = CodingGoal { bytes, step_factor, stopped };
+        let coded = clock.time("code", || self.coded(mixture, goal))?;
         Ok(LayerResult { coded, vizmapper, trained, stopped, clock })
     }
 }

@@ -16,6 +16,7 @@ mod executor;
 mod field_agreement;
 mod fields;
 mod finetune;
+mod held_power;
 pub mod job;
 mod joined_fields;
 mod layer;

@@ -1,6 +1,7 @@
 //! A block made ready once and coded at any precision.
 
 use super::OutOfRange;
+use super::balance::{CountBalance, CountDescent};
 use super::container::STAGE_BYTES;
 use super::fine::{FineWalk, Leaf};
 use super::header::{BlockHeader, GAUSSIANS_A_BYTE, MOST_PARTICLES, Precision, cholesky};
@@ -36,6 +37,18 @@ pub struct Encoder {
     logs: Logs,
     /// Place within the leaf's cell, in 0 to 1.
     within: [Vec<f64>; 3],
+    /// Codes of counts that are decided already, in half steps.
+    counts: Option<Vec<i32>>,
+    settled: Option<SettledGaussians>,
+}
+
+/// Gaussians as they were coded last, in the order of the file. Those whose counts keep their codes are coded alike again.
+struct SettledGaussians {
+    counts: Vec<i32>,
+    /// Five a Gaussian.
+    shape: Vec<f64>,
+    /// Place within the leaf's cell, in 0 to 1.
+    within: [Vec<f64>; 3],
 }
 
 impl Encoder {
@@ -63,7 +76,18 @@ impl Encoder {
             SegmentTree::new(&segment.nodes, &tree.cells[range], extent)
         });
         let Block { count, mass, .. } = *block;
-        Ok(Encoder { bounds, count, mass, shaded: g.law.alpha_blend().is_some(), tree, segments, logs, within })
+        Ok(Encoder {
+            bounds,
+            count,
+            mass,
+            shaded: g.law.alpha_blend().is_some(),
+            tree,
+            segments,
+            logs,
+            within,
+            counts: None,
+            settled: None,
+        })
     }
 
     /// The Gaussians' numbers in the order of the file.
@@ -170,6 +194,35 @@ impl Encoder {
         (header, leaves)
     }
 
+    /// Takes note of what was decoded of the bytes at a precision: from now on only Gaussians whose counts get other codes
+    /// are rounded anew. `false` where the decoded ones are in another order.
+    pub fn settle(&mut self, precision: &Precision, decoded: &Block) -> Result<bool> {
+        let coded = Encoder::new(decoded)?;
+        if !coded.tree.order.iter().zip(0..).all(|(order, at)| *order == at) || coded.len() != self.len() {
+            return Ok(false);
+        }
+        let counts = match self.counts.take() {
+            Some(counts) => counts,
+            None => self.quantise(precision).1.iter().map(|leaf| leaf.m).collect(),
+        };
+        self.settled = Some(SettledGaussians { counts: counts.clone(), shape: coded.logs.shape, within: coded.within });
+        self.counts = Some(counts);
+        Ok(true)
+    }
+
+    /// Moves the codes of counts that are settled until sums over the Gaussians change as wanted, by those moves that fit
+    /// the counts best.
+    pub fn balance_counts(&mut self, precision: &Precision, balance: &CountBalance<'_>) {
+        let Some(codes) = &mut self.counts else { return };
+        let step = f64::from(precision.steps()[2]);
+        CountDescent { balance, targets: &self.logs.count, step, codes }.run(&ranges(&self.tree));
+    }
+
+    /// The numbers that a Gaussian is to keep, if its count has the code that it had.
+    fn settled_as(&self, at: usize, count: i32) -> Option<&SettledGaussians> {
+        self.settled.as_ref().filter(|s| s.counts[at] == count)
+    }
+
     /// Works on the segments' Gaussians, in parallel.
     fn each(&self, leaves: &mut [Leaf], work: impl Fn(Range<usize>, &mut [Leaf]) + Sync) {
         let parts = pieces(leaves, self.tree.lengths().into_iter());
@@ -181,8 +234,11 @@ impl Encoder {
             let values = &values[range.clone()];
             halves(values.len(), |i| TrellisSample::free(values[i] / f64::from(step)))
         };
-        let (t, m) =
-            parallel::join(|| column(&self.logs.size, header.steps[1]), || column(&self.logs.count, header.steps[2]));
+        let counts = || match &self.counts {
+            Some(counts) => counts[range.clone()].to_vec(),
+            None => column(&self.logs.count, header.steps[2]),
+        };
+        let (t, m) = parallel::join(|| column(&self.logs.size, header.steps[1]), counts);
         let w = self.logs.weight.as_ref().map(|w| column(w, header.steps[4]));
         for (i, leaf) in leaves.iter_mut().enumerate() {
             (leaf.t, leaf.m) = (t[i], m[i]);
@@ -193,10 +249,11 @@ impl Encoder {
     /// Shape numbers, on half steps.
     fn shapes(&self, header: &BlockHeader, range: Range<usize>, factors: &[f64], leaves: &mut [Leaf]) {
         let steps: Vec<f64> = factors.iter().map(|f| 2.0 * header.shape_half_step(*f)).collect();
-        let logs = &self.logs.shape[5 * range.start..5 * range.end];
-        let shapes = halves(logs.len(), |j| {
-            let weight = if self.logs.flat.is_along(j % 5, logs[j]) { EXACT } else { 1.0 };
-            TrellisSample { pull: PULL, weight, ..TrellisSample::free(logs[j] / steps[j / 5]) }
+        let shapes = halves(5 * leaves.len(), |j| {
+            let settled = self.settled_as(range.start + j / 5, leaves[j / 5].m);
+            let log = settled.map_or(&self.logs.shape, |s| &s.shape)[5 * range.start + j];
+            let weight = if self.logs.flat.is_along(j % 5, log) { EXACT } else { 1.0 };
+            TrellisSample { pull: PULL, weight, ..TrellisSample::free(log / steps[j / 5]) }
         });
         for (leaf, shape) in leaves.iter_mut().zip(shapes.chunks_exact(5)) {
             leaf.shape.copy_from_slice(shape);
@@ -207,7 +264,8 @@ impl Encoder {
     fn places(&self, header: &BlockHeader, range: Range<usize>, factors: &[f64], leaves: &mut [Leaf]) {
         let extent = self.bounds.extent();
         let places = quantise_places(leaves.len(), |i| {
-            let leaf = &leaves[i];
+            let (leaf, at) = (&leaves[i], range.start + i);
+            let within = self.settled_as(at, leaf.m).map_or(&self.within, |s| &s.within);
             let unit = header.unit_covariance(leaf.shape, factors[i]).unwrap_or(Sym3::scaled_identity(1.0));
             let (widths, [ba, ca, cb]) = cholesky(&unit);
             let step = header.place_step(header.radius(leaf.t), factors[i]);
@@ -217,7 +275,7 @@ impl Encoder {
             let fine = each_axis(|k| if cell[k] > 0.0 { levels[k] as f64 * step / cell[k] } else { 0.0 });
             PlacementTarget {
                 levels,
-                place: each_axis(|k| self.within[k][range.start + i] * levels[k] as f64),
+                place: each_axis(|k| within[k][at] * levels[k] as f64),
                 coarse: each_axis(|k| if fine[k] > 0.0 { 1.0 / (fine[k] * widths[k]) } else { 0.0 }),
                 moves: [ba * fine[1], ca * fine[2], cb * fine[2]],
             }

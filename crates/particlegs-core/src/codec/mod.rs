@@ -8,6 +8,7 @@
 //! `file`); files are merged by copying their blocks (`merge`). Blocks of the alpha-blend law hold opacities and grey
 //! levels in the places of counts and masses; its network has a section (`vizmapper`).
 
+mod balance;
 mod certificate;
 mod change;
 mod container;
@@ -44,6 +45,7 @@ mod trellis;
 mod vizmapper;
 mod wire;
 
+pub use balance::{CountBalance, MOST_SUMS};
 pub use certificate::rounded;
 pub use change::{ChangePrecision, ChangeTarget, FrameStep, TrackedBlock};
 pub use container::{

@@ -14,7 +14,7 @@ const NEXT: [[u8; 2]; STATES] = [[0, 2], [5, 7], [1, 3], [4, 6], [2, 0], [7, 5],
 const WINDOW: usize = 1 << 14;
 
 /// The state that encoder and decoder share.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Default, PartialEq)]
 pub(crate) struct TrellisState(u8);
 
 impl TrellisState {

@@ -88,7 +88,7 @@ pub(super) fn modes_of(
 
 /// Cells along each axis from which on Gaussians are widened. Of fewer, sides differ by more than a thirtieth, and
 /// widened Gaussians would fill the box.
-const WIDENED_FROM: usize = 16;
+pub(super) const WIDENED_FROM: usize = 16;
 
 /// How mass is shared among cells for a spectrum. A mixture's Gaussians are widened (`None`), unless the window stays in
 /// or the box is flat: then their integrals over cells are taken.
@@ -102,7 +102,7 @@ pub(crate) fn scheme_of(of_particles: bool, grid: &Grid, o: &SpectrumOptions) ->
 
 /// The same of the fields that `field` gives: as it is (0) and moved by half a cell (1), which may take the first one's
 /// memory.
-fn modes_of_fields(
+pub(super) fn modes_of_fields(
     field: &dyn Fn(usize, Option<Field>) -> Result<Field>,
     (scheme, mean): (Option<Assignment>, Option<f64>),
     most: [usize; 3],

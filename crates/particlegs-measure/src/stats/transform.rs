@@ -160,6 +160,46 @@ fn along_x(planes: &[Complex64], modes: &mut Modes, nx: usize, context: &Context
     Ok(())
 }
 
+/// The field of some modes at the centres of a grid's cells: sum over both halves of value exp(i k x), x slowest.
+pub(super) fn field_of_modes(modes: &Modes, cells: [usize; 3]) -> Vec<f32> {
+    let [nx, ny, nz] = cells;
+    let [columns, depth] = [modes.plane().0, modes.plane().1];
+    let [most_x, most_y] = [modes.most[0] as i64, modes.most[1] as i64];
+    let (along_x, along_y) = {
+        let mut planner = FftPlanner::new();
+        (planner.plan_fft_inverse(nx), planner.plan_fft_inverse(ny))
+    };
+    let along_z = RealFftPlanner::<f64>::new().plan_fft_inverse(nz);
+    // Columns of x, one after the other.
+    let mut lines = vec![Complex64::default(); columns * depth * nx];
+    for m in -most_x..=most_x {
+        let plane = &modes.value[(m + most_x) as usize * columns * depth..][..columns * depth];
+        plane.iter().enumerate().for_each(|(at, v)| lines[at * nx + place(m, nx)] = *v);
+    }
+    along_x.process(&mut lines);
+    let mut field = vec![0.0; nx * ny * nz];
+    let (mut plane, mut row) = (vec![Complex64::default(); depth * ny], vec![0.0; nz]);
+    for i in 0..nx {
+        plane.fill(Complex64::default());
+        for m in -most_y..=most_y {
+            for c in 0..depth {
+                plane[c * ny + place(m, ny)] = lines[((m + most_y) as usize * depth + c) * nx + i];
+            }
+        }
+        along_y.process(&mut plane);
+        for j in 0..ny {
+            let mut half = along_z.make_input_vec();
+            (0..depth).for_each(|c| half[c] = plane[c * ny + j]);
+            // Real fields have real modes here, but for rounding.
+            half[0].im = 0.0;
+            along_z.process(&mut half, &mut row).expect("buffers of the plan's length");
+            let out = &mut field[(i * ny + j) * nz..][..nz];
+            out.iter_mut().zip(&row).for_each(|(o, v)| *o = *v as f32);
+        }
+    }
+    field
+}
+
 /// xi(r) from |delta_k|^2, in bins of pi / k_max from there on.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct XiByTransform {

@@ -1,0 +1,285 @@
+//! Codes of counts moved so that sums over all Gaussians come out as wanted: the power spectrum hangs on the few
+//! Gaussians that hold most particles, and rounding their counts alone shifts it by per cents.
+//!
+//! A code that is moved changes the trellis's state for those after it. So codes are moved in runs of four that end in
+//! the state in which they ended before: there are two sequences of parities for each pair of states.
+
+use super::trellis::TrellisState;
+use crate::math::{exp, floor_index};
+use crate::parallel;
+use std::ops::Range;
+
+/// Sums over Gaussians that the counts' codes are to change.
+pub struct CountBalance<'a> {
+    /// The change of each sum for a change of ln count, Gaussian by Gaussian in the order of the file.
+    pub responses: &'a [f32],
+    /// The change that is wanted of each sum.
+    pub wanted: &'a [f64],
+}
+
+/// Sums at most.
+pub const MOST_SUMS: usize = 32;
+
+/// What is left of the change of each sum.
+type SumChanges = [f64; MOST_SUMS];
+
+/// Codes in a run.
+const RUN: usize = 4;
+/// Errors of a sum that are worth [`NATS`], one after the other.
+const ERRORS: [f64; 4] = [5e-3, 1e-3, 2e-4, 5e-5];
+const NATS: f64 = 4.0;
+/// Runs that are looked at, at most: of millions of Gaussians these have enough to move.
+const MOST_RUNS: usize = 40_000;
+/// Passes over the runs for each error, and moves of a pass.
+const SWEEPS: usize = 8;
+const MOST_MOVES: usize = 50;
+/// The shape and place of a Gaussian that is moved are rounded anew: what that costs in nats, and how far it moves the
+/// sums, in responses.
+const MOVE: f64 = 0.5;
+const ROUNDED: f64 = 0.03;
+
+/// Counts in the order of the file, and what is left of the balance.
+pub(super) struct CountDescent<'a> {
+    pub balance: &'a CountBalance<'a>,
+    /// ln of each count as it should be.
+    pub targets: &'a [f64],
+    /// A whole step of ln count.
+    pub step: f64,
+    /// Codes in half steps.
+    pub codes: &'a mut [i32],
+}
+
+/// A code that a count may have.
+#[derive(Clone, Copy, Default)]
+struct Choice {
+    code: i32,
+    /// Its squared error, in nats.
+    cost: f64,
+    /// The relative change of the count.
+    change: f64,
+}
+
+/// Of each code of a run, by lattice: the two nearest of either parity.
+type RunChoices = [[[Choice; 4]; 2]; RUN];
+
+impl CountDescent<'_> {
+    /// Moves codes within segments, in which trellises begin anew: those first that gain most, so that few are moved.
+    pub(super) fn run(&mut self, segments: &[Range<usize>]) {
+        let all = segments.iter().flat_map(|s| s.start..(s.end + 1).saturating_sub(RUN).max(s.start));
+        let starts: Vec<usize> = all.step_by(self.codes.len().div_ceil(MOST_RUNS).max(1)).collect();
+        let (mut states, mut left) = (self.states(segments), SumChanges::default());
+        left[..self.balance.wanted.len()].copy_from_slice(self.balance.wanted);
+        for error in ERRORS {
+            let weight = NATS / (error * error);
+            for _ in 0..SWEEPS {
+                let moves = self.moves(&starts, &states, &left, weight);
+                let mut is_still = true;
+                for start in moves {
+                    if left.iter().all(|v| v.abs() < error) {
+                        break;
+                    }
+                    // What was moved since may have taken its gain.
+                    let (codes, rest, gain) = self.best_run(start, &states, &left, weight);
+                    if gain > 0.0 {
+                        self.take(start, codes, &mut states);
+                        (left, is_still) = (rest, false);
+                    }
+                }
+                if is_still {
+                    break;
+                }
+            }
+        }
+    }
+
+    /// The runs that gain most, the best first.
+    fn moves(&self, starts: &[usize], states: &[TrellisState], left: &SumChanges, weight: f64) -> Vec<usize> {
+        let gains = parallel::map_range(starts.len(), |i| self.best_run(starts[i], states, left, weight).2);
+        let mut moves: Vec<(f64, usize)> = gains.into_iter().zip(starts.iter().copied()).collect();
+        moves.retain(|(gain, _)| *gain > 0.0);
+        moves.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        moves.into_iter().take(MOST_MOVES).map(|(_, start)| start).collect()
+    }
+
+    /// The trellis's state before each code.
+    fn states(&self, segments: &[Range<usize>]) -> Vec<TrellisState> {
+        let mut states = Vec::with_capacity(self.codes.len());
+        for segment in segments {
+            let mut state = TrellisState::default();
+            for code in &self.codes[segment.clone()] {
+                states.push(state);
+                state.half_steps(code >> 1);
+            }
+        }
+        states
+    }
+
+    /// The codes from `start` on that lose least, what they leave of the sums, and what they gain over those that are there.
+    fn best_run(
+        &self,
+        start: usize,
+        states: &[TrellisState],
+        left: &SumChanges,
+        weight: f64,
+    ) -> ([i32; RUN], SumChanges, f64) {
+        let mut end = states[start + RUN - 1];
+        end.half_steps(self.codes[start + RUN - 1] >> 1);
+        let choices: RunChoices = std::array::from_fn(|i| self.choices(start + i));
+        let responses: [SumChanges; RUN] = std::array::from_fn(|i| self.responses(start + i));
+        let codes: [i32; RUN] = std::array::from_fn(|i| self.codes[start + i]);
+        let before: f64 = (0..RUN).map(|i| self.error(start + i, codes[i])).sum::<f64>() + weight * squares(left);
+        let mut search = RunSearch { choices, responses, weight, end, best: (codes, *left, before) };
+        search.go_on(0, states[start], ([0; RUN], *left, 0.0));
+        let (codes, left, cost) = search.best;
+        (codes, left, before - cost)
+    }
+
+    fn take(&mut self, start: usize, codes: [i32; RUN], states: &mut [TrellisState]) {
+        for (i, code) in codes.into_iter().enumerate() {
+            self.codes[start + i] = code;
+            if i + 1 < RUN {
+                states[start + i + 1] = states[start + i];
+                states[start + i + 1].half_steps(code >> 1);
+            }
+        }
+    }
+
+    /// What a code loses, in nats.
+    fn error(&self, at: usize, code: i32) -> f64 {
+        let value = 0.5 * f64::from(code) * self.step;
+        0.5 * exp(self.targets[at]) * (value - self.targets[at]).powi(2)
+    }
+
+    fn choices(&self, at: usize) -> [[Choice; 4]; 2] {
+        let target = self.targets[at];
+        std::array::from_fn(|lattice| {
+            let below = floor_index(target / self.step - 0.5 * lattice as f64) as i32;
+            std::array::from_fn(|i| {
+                let code = 2 * (below - 1 + i as i32) + lattice as i32;
+                let moved = code - self.codes[at];
+                let change = exp(0.5 * f64::from(moved) * self.step) - 1.0;
+                Choice { code, cost: self.error(at, code), change }
+            })
+        })
+    }
+
+    fn responses(&self, at: usize) -> SumChanges {
+        let kinds = self.balance.wanted.len();
+        let mut responses = SumChanges::default();
+        responses.iter_mut().zip(&self.balance.responses[at * kinds..][..kinds]).for_each(|(r, v)| *r = f64::from(*v));
+        responses
+    }
+}
+
+/// All sequences of a run's codes that end in a state.
+struct RunSearch {
+    choices: RunChoices,
+    responses: [SumChanges; RUN],
+    /// Nats for the square of a sum's error.
+    weight: f64,
+    end: TrellisState,
+    /// The codes of least cost, what they leave of the sums, and their cost.
+    best: ([i32; RUN], SumChanges, f64),
+}
+
+impl RunSearch {
+    fn go_on(&mut self, place: usize, state: TrellisState, (codes, left, cost): ([i32; RUN], SumChanges, f64)) {
+        if place == RUN {
+            let total = cost + self.weight * squares(&left);
+            if state == self.end && total < self.best.2 {
+                self.best = (codes, left, total);
+            }
+            return;
+        }
+        let responses = self.responses[place];
+        for choice in self.choices[place][state.lattice() as usize] {
+            if cost + choice.cost >= self.best.2 {
+                continue;
+            }
+            let (mut next, mut codes) = (state, codes);
+            next.half_steps(choice.code >> 1);
+            codes[place] = choice.code;
+            let moved =
+                if choice.change == 0.0 { 0.0 } else { MOVE + self.weight * ROUNDED * ROUNDED * squares(&responses) };
+            let left = std::array::from_fn(|s| left[s] - choice.change * responses[s]);
+            self.go_on(place + 1, next, (codes, left, cost + choice.cost + moved));
+        }
+    }
+}
+
+fn squares(sums: &SumChanges) -> f64 {
+    sums.iter().map(|v| v * v).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec::{Encoder, Precision, decode_block};
+    use crate::math::{Random, Sym3, each_axis};
+    use crate::model::{Block, Mixture};
+    use crate::space::Bounds;
+
+    fn block(gaussians: usize) -> Block {
+        let mut mixture = Mixture::default();
+        for i in 0..gaussians {
+            let mut r = Random::new(11, 0, i as u64);
+            let mean = each_axis(|_| 10.0 * r.uniform());
+            let cov = Sym3([0.02 + 0.05 * r.uniform(), 0.005 * r.normal(), 0.0, 0.03, 0.0, 0.01 + 0.05 * r.uniform()]);
+            mixture.push(mean, cov, (20.0 * libm::exp(1.5 * r.normal())).floor() + 1.0, 0.0);
+        }
+        let count = mixture.count.iter().sum::<f64>() as u64;
+        let bounds = Bounds { min: [0.0; 3], max: [10.0; 3] };
+        Block { bounds, count, mass: count as f64, gaussians: mixture }
+    }
+
+    /// Shares of the counts on one side of each axis: sums whose change is known.
+    fn sums(mixture: &Mixture) -> Vec<f64> {
+        let total: f64 = mixture.count.iter().sum();
+        let side = |k: usize| (0..mixture.len()).filter(move |&i| mixture.mean[k][i] < 5.0);
+        (0..3).map(|k| side(k).map(|i| mixture.count[i]).sum::<f64>() / total).collect()
+    }
+
+    #[test]
+    fn sums_change_as_wanted_and_few_gaussians_with_them() {
+        let (original, precision) = (block(3000), Precision::BALANCED);
+        let mut encoder = Encoder::new(&original).unwrap();
+        let first = decode_block(&encoder.encode(&precision), "a test").unwrap();
+        let wanted: Vec<f64> =
+            sums(&first.gaussians).iter().zip([0.004, -0.002, 0.001]).map(|(s, by)| s + by).collect();
+        let mut last = first.clone();
+        for _ in 0..3 {
+            assert!(encoder.settle(&precision, &last).unwrap());
+            let (g, reached) = (&last.gaussians, sums(&last.gaussians));
+            let total: f64 = g.count.iter().sum();
+            let response = |i: usize, k: usize| {
+                let inside = if g.mean[k][i] < 5.0 { 1.0 } else { 0.0 };
+                (g.count[i] / total * (inside - reached[k])) as f32
+            };
+            let responses: Vec<f32> = (0..g.len()).flat_map(|i| (0..3).map(move |k| response(i, k))).collect();
+            let left: Vec<f64> = wanted.iter().zip(&reached).map(|(w, r)| w - r).collect();
+            encoder.balance_counts(&precision, &CountBalance { responses: &responses, wanted: &left });
+            last = decode_block(&encoder.encode(&precision), "a test").unwrap();
+        }
+        for (reached, wanted) in sums(&last.gaussians).iter().zip(&wanted) {
+            assert!((reached - wanted).abs() < 1.5e-4, "{reached} {wanted}");
+        }
+        // Steps hang on the mean count, so that all shapes change by digits that nobody sees.
+        let differs = |a: Sym3, b: Sym3| (0..6).any(|k| (a.0[k] - b.0[k]).abs() > 1e-3 * a.trace());
+        let moved = (0..3000).filter(|&i| differs(last.gaussians.cov_of(i), first.gaussians.cov_of(i))).count();
+        assert!((1..300).contains(&moved), "{moved}");
+        assert_eq!(last.gaussians.count.iter().sum::<f64>(), original.count as f64);
+    }
+
+    #[test]
+    fn nothing_is_moved_where_nothing_is_wanted_or_there_are_too_few() {
+        for gaussians in [1, 3, 200] {
+            let (block, precision) = (block(gaussians), Precision::BALANCED);
+            let mut encoder = Encoder::new(&block).unwrap();
+            let bytes = encoder.encode(&precision);
+            assert!(encoder.settle(&precision, &decode_block(&bytes, "a test").unwrap()).unwrap());
+            let responses = vec![0.1; gaussians];
+            encoder.balance_counts(&precision, &CountBalance { responses: &responses, wanted: &[0.0] });
+            assert!(encoder.encode(&precision) == bytes);
+        }
+    }
+}
