@@ -46,7 +46,7 @@ pub(super) fn hold_power(
         }
         let responses = target.responses(&deviation, &block.gaussians, context)?;
         let wanted: Vec<f64> = deviation.of_shell.iter().map(|d| -d).collect();
-        encoder.balance_counts(&precision, &CountBalance { responses: &responses, wanted: &wanted });
+        encoder.balance_counts(&precision, &CountBalance { responses: &responses, wanted: &wanted })?;
         bytes = encoder.encode(&precision);
     }
     Ok(())

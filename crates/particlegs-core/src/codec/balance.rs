@@ -13,7 +13,7 @@ use std::ops::Range;
 pub struct CountBalance<'a> {
     /// The change of each sum for a change of ln count, Gaussian by Gaussian in the order of the file.
     pub responses: &'a [f32],
-    /// The change that is wanted of each sum.
+    /// The change that is wanted of each sum, of [`MOST_SUMS`] at most.
     pub wanted: &'a [f64],
 }
 
@@ -51,7 +51,7 @@ pub(super) struct CountDescent<'a> {
 
 /// A code that a count may have.
 #[derive(Clone, Copy, Default)]
-struct Choice {
+struct CountCode {
     code: i32,
     /// Its squared error, in nats.
     cost: f64,
@@ -60,7 +60,7 @@ struct Choice {
 }
 
 /// Of each code of a run, by lattice: the two nearest of either parity.
-type RunChoices = [[[Choice; 4]; 2]; RUN];
+type RunCodes = [[[CountCode; 4]; 2]; RUN];
 
 impl CountDescent<'_> {
     /// Moves codes within segments, in which trellises begin anew: those first that gain most, so that few are moved.
@@ -68,7 +68,7 @@ impl CountDescent<'_> {
         let all = segments.iter().flat_map(|s| s.start..(s.end + 1).saturating_sub(RUN).max(s.start));
         let starts: Vec<usize> = all.step_by(self.codes.len().div_ceil(MOST_RUNS).max(1)).collect();
         let (mut states, mut left) = (self.states(segments), SumChanges::default());
-        left[..self.balance.wanted.len()].copy_from_slice(self.balance.wanted);
+        left.iter_mut().zip(self.balance.wanted).for_each(|(left, wanted)| *left = *wanted);
         for error in ERRORS {
             let weight = NATS / (error * error);
             for _ in 0..SWEEPS {
@@ -124,11 +124,11 @@ impl CountDescent<'_> {
     ) -> ([i32; RUN], SumChanges, f64) {
         let mut end = states[start + RUN - 1];
         end.half_steps(self.codes[start + RUN - 1] >> 1);
-        let choices: RunChoices = std::array::from_fn(|i| self.choices(start + i));
+        let candidates: RunCodes = std::array::from_fn(|i| self.candidates(start + i));
         let responses: [SumChanges; RUN] = std::array::from_fn(|i| self.responses(start + i));
         let codes: [i32; RUN] = std::array::from_fn(|i| self.codes[start + i]);
         let before: f64 = (0..RUN).map(|i| self.error(start + i, codes[i])).sum::<f64>() + weight * squares(left);
-        let mut search = RunSearch { choices, responses, weight, end, best: (codes, *left, before) };
+        let mut search = RunSearch { candidates, responses, weight, end, best: (codes, *left, before) };
         search.go_on(0, states[start], ([0; RUN], *left, 0.0));
         let (codes, left, cost) = search.best;
         (codes, left, before - cost)
@@ -150,7 +150,7 @@ impl CountDescent<'_> {
         0.5 * exp(self.targets[at]) * (value - self.targets[at]).powi(2)
     }
 
-    fn choices(&self, at: usize) -> [[Choice; 4]; 2] {
+    fn candidates(&self, at: usize) -> [[CountCode; 4]; 2] {
         let target = self.targets[at];
         std::array::from_fn(|lattice| {
             let below = floor_index(target / self.step - 0.5 * lattice as f64) as i32;
@@ -158,7 +158,7 @@ impl CountDescent<'_> {
                 let code = 2 * (below - 1 + i as i32) + lattice as i32;
                 let moved = code - self.codes[at];
                 let change = exp(0.5 * f64::from(moved) * self.step) - 1.0;
-                Choice { code, cost: self.error(at, code), change }
+                CountCode { code, cost: self.error(at, code), change }
             })
         })
     }
@@ -173,7 +173,7 @@ impl CountDescent<'_> {
 
 /// All sequences of a run's codes that end in a state.
 struct RunSearch {
-    choices: RunChoices,
+    candidates: RunCodes,
     responses: [SumChanges; RUN],
     /// Nats for the square of a sum's error.
     weight: f64,
@@ -192,17 +192,20 @@ impl RunSearch {
             return;
         }
         let responses = self.responses[place];
-        for choice in self.choices[place][state.lattice() as usize] {
-            if cost + choice.cost >= self.best.2 {
+        for candidate in self.candidates[place][state.lattice() as usize] {
+            if cost + candidate.cost >= self.best.2 {
                 continue;
             }
             let (mut next, mut codes) = (state, codes);
-            next.half_steps(choice.code >> 1);
-            codes[place] = choice.code;
-            let moved =
-                if choice.change == 0.0 { 0.0 } else { MOVE + self.weight * ROUNDED * ROUNDED * squares(&responses) };
-            let left = std::array::from_fn(|s| left[s] - choice.change * responses[s]);
-            self.go_on(place + 1, next, (codes, left, cost + choice.cost + moved));
+            next.half_steps(candidate.code >> 1);
+            codes[place] = candidate.code;
+            let moved = if candidate.change == 0.0 {
+                0.0
+            } else {
+                MOVE + self.weight * ROUNDED * ROUNDED * squares(&responses)
+            };
+            let left = std::array::from_fn(|s| left[s] - candidate.change * responses[s]);
+            self.go_on(place + 1, next, (codes, left, cost + candidate.cost + moved));
         }
     }
 }
@@ -257,7 +260,7 @@ mod tests {
             };
             let responses: Vec<f32> = (0..g.len()).flat_map(|i| (0..3).map(move |k| response(i, k))).collect();
             let left: Vec<f64> = wanted.iter().zip(&reached).map(|(w, r)| w - r).collect();
-            encoder.balance_counts(&precision, &CountBalance { responses: &responses, wanted: &left });
+            encoder.balance_counts(&precision, &CountBalance { responses: &responses, wanted: &left }).unwrap();
             last = decode_block(&encoder.encode(&precision), "a test").unwrap();
         }
         for (reached, wanted) in sums(&last.gaussians).iter().zip(&wanted) {
@@ -278,8 +281,10 @@ mod tests {
             let bytes = encoder.encode(&precision);
             assert!(encoder.settle(&precision, &decode_block(&bytes, "a test").unwrap()).unwrap());
             let responses = vec![0.1; gaussians];
-            encoder.balance_counts(&precision, &CountBalance { responses: &responses, wanted: &[0.0] });
+            encoder.balance_counts(&precision, &CountBalance { responses: &responses, wanted: &[0.0] }).unwrap();
             assert!(encoder.encode(&precision) == bytes);
+            let short = CountBalance { responses: &[], wanted: &[0.0] };
+            assert!(encoder.balance_counts(&precision, &short).is_err());
         }
     }
 }

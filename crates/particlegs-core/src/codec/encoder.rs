@@ -1,7 +1,7 @@
 //! A block made ready once and coded at any precision.
 
 use super::OutOfRange;
-use super::balance::{CountBalance, CountDescent};
+use super::balance::{CountBalance, CountDescent, MOST_SUMS};
 use super::container::STAGE_BYTES;
 use super::fine::{FineWalk, Leaf};
 use super::header::{BlockHeader, GAUSSIANS_A_BYTE, MOST_PARTICLES, Precision, cholesky};
@@ -212,10 +212,18 @@ impl Encoder {
 
     /// Moves the codes of counts that are settled until sums over the Gaussians change as wanted, by those moves that fit
     /// the counts best.
-    pub fn balance_counts(&mut self, precision: &Precision, balance: &CountBalance<'_>) {
-        let Some(codes) = &mut self.counts else { return };
-        let step = f64::from(precision.steps()[2]);
-        CountDescent { balance, targets: &self.logs.count, step, codes }.run(&ranges(&self.tree));
+    pub fn balance_counts(&mut self, precision: &Precision, balance: &CountBalance<'_>) -> Result<()> {
+        let sums = balance.wanted.len();
+        if sums > MOST_SUMS || balance.responses.len() != sums * self.len() {
+            let message =
+                format!("counts can be balanced for {MOST_SUMS} sums at most, with a response of each Gaussian");
+            return Err(Error::argument(message));
+        }
+        if let Some(codes) = &mut self.counts {
+            let step = f64::from(precision.steps()[2]);
+            CountDescent { balance, targets: &self.logs.count, step, codes }.run(&ranges(&self.tree));
+        }
+        Ok(())
     }
 
     /// The numbers that a Gaussian is to keep, if its count has the code that it had.
