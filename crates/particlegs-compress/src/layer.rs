@@ -266,7 +266,9 @@ impl LayerTask<'_> {
         };
         if holds_power {
             let most = goal.bytes.map_or(u64::MAX, |bytes| bytes.saturating_sub(encoder.stage_bytes() as u64));
+            context.begin("power spectrum", 0);
             hold_power(&mut encoder, &mut coded, (self.layer.particles(), most), context)?;
+            context.end();
         }
         Ok(coded)
     }

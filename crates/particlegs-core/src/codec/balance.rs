@@ -15,6 +15,8 @@ pub struct CountBalance<'a> {
     pub responses: &'a [f32],
     /// The change that is wanted of each sum, of [`MOST_SUMS`] at most.
     pub wanted: &'a [f64],
+    /// The error that each sum may keep.
+    pub within: f64,
 }
 
 /// Sums at most.
@@ -25,14 +27,14 @@ type SumChanges = [f64; MOST_SUMS];
 
 /// Codes in a run.
 const RUN: usize = 4;
-/// Errors of a sum that are worth [`NATS`], one after the other.
-const ERRORS: [f64; 4] = [5e-3, 1e-3, 2e-4, 5e-5];
+/// Errors of a sum that are worth [`NATS`], one after the other: what costs least is moved first.
+const ERRORS: [f64; 10] = [0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4];
 const NATS: f64 = 4.0;
 /// Runs that are looked at, at most: of millions of Gaussians these have enough to move.
-const MOST_RUNS: usize = 40_000;
+const MOST_RUNS: usize = 10_000;
 /// Passes over the runs for each error, and moves of a pass.
-const SWEEPS: usize = 8;
-const MOST_MOVES: usize = 50;
+const SWEEPS: usize = 3;
+const MOST_MOVES: usize = 200;
 /// The shape and place of a Gaussian that is moved are rounded anew: what that costs in nats, and how far it moves the
 /// sums, in responses.
 const MOVE: f64 = 0.5;
@@ -69,9 +71,12 @@ impl CountDescent<'_> {
         let starts: Vec<usize> = all.step_by(self.codes.len().div_ceil(MOST_RUNS).max(1)).collect();
         let (mut states, mut left) = (self.states(segments), SumChanges::default());
         left.iter_mut().zip(self.balance.wanted).for_each(|(left, wanted)| *left = *wanted);
-        for error in ERRORS {
+        for error in ERRORS.map(|error| error.max(self.balance.within)) {
             let weight = NATS / (error * error);
             for _ in 0..SWEEPS {
+                if left.iter().all(|v| v.abs() < error) {
+                    break;
+                }
                 let moves = self.moves(&starts, &states, &left, weight);
                 let mut is_still = true;
                 for start in moves {
@@ -146,8 +151,8 @@ impl CountDescent<'_> {
 
     /// What a code loses, in nats.
     fn error(&self, at: usize, code: i32) -> f64 {
-        let value = 0.5 * f64::from(code) * self.step;
-        0.5 * exp(self.targets[at]) * (value - self.targets[at]).powi(2)
+        let error = 0.5 * f64::from(code) * self.step - self.targets[at];
+        0.5 * exp(self.targets[at]) * error * error
     }
 
     fn candidates(&self, at: usize) -> [[CountCode; 4]; 2] {
@@ -260,7 +265,9 @@ mod tests {
             };
             let responses: Vec<f32> = (0..g.len()).flat_map(|i| (0..3).map(move |k| response(i, k))).collect();
             let left: Vec<f64> = wanted.iter().zip(&reached).map(|(w, r)| w - r).collect();
-            encoder.balance_counts(&precision, &CountBalance { responses: &responses, wanted: &left }).unwrap();
+            encoder
+                .balance_counts(&precision, &CountBalance { responses: &responses, wanted: &left, within: 1e-4 })
+                .unwrap();
             last = decode_block(&encoder.encode(&precision), "a test").unwrap();
         }
         for (reached, wanted) in sums(&last.gaussians).iter().zip(&wanted) {
@@ -281,9 +288,11 @@ mod tests {
             let bytes = encoder.encode(&precision);
             assert!(encoder.settle(&precision, &decode_block(&bytes, "a test").unwrap()).unwrap());
             let responses = vec![0.1; gaussians];
-            encoder.balance_counts(&precision, &CountBalance { responses: &responses, wanted: &[0.0] }).unwrap();
+            encoder
+                .balance_counts(&precision, &CountBalance { responses: &responses, wanted: &[0.0], within: 1e-4 })
+                .unwrap();
             assert!(encoder.encode(&precision) == bytes);
-            let short = CountBalance { responses: &[], wanted: &[0.0] };
+            let short = CountBalance { responses: &[], wanted: &[0.0], within: 1e-4 };
             assert!(encoder.balance_counts(&precision, &short).is_err());
         }
     }

@@ -160,9 +160,11 @@ impl PowerTarget {
         let cells = self.grid.cells.map(|n| n as f64);
         // Values between cells are linear, which narrows modes by a square of sinc along each axis.
         let window: [Vec<f64>; 3] = each_axis(|k| {
-            let sinc =
-                |m: usize| if m == 0 { 1.0 } else { libm::sin(PI * m as f64 / cells[k]) / (PI * m as f64 / cells[k]) };
-            (0..=modes.most[k]).map(|m| sinc(m).powi(-2)).collect()
+            let inverse = |m: usize| {
+                let x = PI * m as f64 / cells[k];
+                if m == 0 { 1.0 } else { x * x / (libm::sin(x) * libm::sin(x)) }
+            };
+            (0..=modes.most[k]).map(inverse).collect()
         });
         for i in 0..=2 * modes.most[0] {
             visit_plane(&of.modes, &self.domain, i, self.options.k_max, context, |at, _, k, _| {
