@@ -5,7 +5,7 @@ use particlegs_core::Result;
 use particlegs_core::codec::{CountBalance, Encoder, MOST_SUMS, Precision, decode_block};
 use particlegs_core::context::Context;
 use particlegs_measure::stats::PowerTarget;
-use particlegs_particles::Particles;
+use particlegs_particles::{Domain, Particles};
 
 /// Codings at most. Shapes and places of the Gaussians whose counts are moved are rounded anew, which moves the power by
 /// a tenth of what was mended.
@@ -23,18 +23,19 @@ pub(super) fn room(size: u64) -> u64 {
 }
 
 /// Codes Gaussians again, at the steps at which they are coded and in at most `size` bytes, with the power of the
-/// particles; leaves them as they are where there is no power to be held.
+/// particles in the box of the snapshot; leaves them as they are where there is no power to be held.
 pub(super) fn hold_power(
     encoder: &mut Encoder,
     coded: &mut CodedGaussians,
-    (particles, size): (&Particles, u64),
+    (particles, domain): (&Particles, &Domain),
+    size: u64,
     context: &Context<'_>,
 ) -> Result<()> {
     let most = MOST_SUMS.min(encoder.len() / GAUSSIANS_A_SHELL);
     if most == 0 {
         return Ok(());
     }
-    let Some(target) = PowerTarget::new(particles, (encoder.len(), most), context)? else { return Ok(()) };
+    let Some(target) = PowerTarget::new(particles, domain, (encoder.len(), most), context)? else { return Ok(()) };
     let precision = Precision::BALANCED.scaled(coded.step_factor);
     let mut bytes = coded.bytes.clone();
     let mut least = f64::INFINITY;
@@ -74,7 +75,14 @@ mod tests {
         let layer = &compressed.model.layers[0].content;
         let mut mixture = layer[0].gaussians.clone();
         layer[1..].iter().for_each(|b| mixture.append(&b.gaussians));
-        let power = PowerTarget::new(particles, (mixture.len(), MOST_SUMS), &Context::SILENT).unwrap().unwrap();
+        let power = PowerTarget::new(
+            particles,
+            &Domain::from_particles(particles),
+            (mixture.len(), MOST_SUMS),
+            &Context::SILENT,
+        )
+        .unwrap()
+        .unwrap();
         let deviation = power.deviation(&mixture, &Context::SILENT).unwrap();
         (deviation.of_shell.iter().fold(0.0, |a, d| a.max(d.abs())), compressed.bytes.len() as u64)
     }

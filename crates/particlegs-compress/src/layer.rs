@@ -11,7 +11,7 @@ use particlegs_core::model::{Block, LawKind, Layer, Mixture, VizMapper};
 use particlegs_core::space::Bounds;
 use particlegs_core::{Error, Result};
 use particlegs_fit::{Effort, FitOptions, Fitter};
-use particlegs_particles::Particles;
+use particlegs_particles::{Domain, Particles};
 use particlegs_reference::Reference;
 use particlegs_train::{Config, Defaults, InitialGaussians, Limits, Start, TrainedMixture, TrainedRun, Training};
 use std::ops::Range;
@@ -267,7 +267,8 @@ impl LayerTask<'_> {
         if holds_power {
             let most = goal.bytes.map_or(u64::MAX, |bytes| bytes.saturating_sub(encoder.stage_bytes() as u64));
             context.begin("power spectrum", 0);
-            hold_power(&mut encoder, &mut coded, (self.layer.particles(), most), context)?;
+            let domain = Domain::new(&plan.metadata.bounds, plan.metadata.cell.as_ref());
+            hold_power(&mut encoder, &mut coded, (self.layer.particles(), &domain), most, context)?;
             context.end();
         }
         Ok(coded)

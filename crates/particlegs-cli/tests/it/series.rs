@@ -463,7 +463,7 @@ fn the_camera_follows_a_halo_across_the_face_of_the_box() {
     let [a, b, c] = ["a.json", "b.json", "c.json"].map(|name| cameras(&dir, name));
     assert_eq!([a.len(), b.len(), c.len()], [4, 4, 7]);
     for (i, [focal, position]) in a.iter().enumerate() {
-        assert!(is_near(*focal, drift(i as f64), 0.15), "{i}: {focal:?}");
+        assert!(is_near(*focal, drift(i as f64), 0.25), "{i}: {focal:?}");
         assert!(focal.iter().all(|v| (0.0..=10.0).contains(v)), "{focal:?}");
         let offset = |[focal, position]: [[f64; 3]; 2]| -> [f64; 3] { std::array::from_fn(|k| position[k] - focal[k]) };
         let (view_offset, first) = (offset([*focal, *position]), offset(a[0]));

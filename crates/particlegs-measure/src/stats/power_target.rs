@@ -46,15 +46,15 @@ impl PowerTarget {
     /// Gaussians, or where no power is above the shot noise.
     pub fn new(
         particles: &Particles,
+        domain: &Domain,
         (gaussians, most): (usize, usize),
         context: &Context<'_>,
     ) -> Result<Option<PowerTarget>> {
         let subject = Subject::Particles(particles);
-        let domain = subject.domain();
         let share = if gaussians < COARSE_FROM { 0.5 } else { 0.25 };
         let width = 2.0 * PI / domain.longest();
         let count = (share * PI / domain.spacing(particles.len()) / width).round() as usize;
-        let grid = Grid::new(&domain, (CELLS_A_WAVE * count).next_multiple_of(8));
+        let grid = Grid::new(domain, (CELLS_A_WAVE * count).next_multiple_of(8));
         if !domain.periodic.iter().all(|p| *p) || count == 0 || grid.cells.iter().any(|n| *n < WIDENED_FROM) {
             return Ok(None);
         }
@@ -66,11 +66,11 @@ impl PowerTarget {
             shot_noise_subtracted: true,
             k_max: (count as f64 + 0.5) * width,
         };
-        let limits = mode_limits(&grid, &domain, options.k_max);
+        let limits = mode_limits(&grid, domain, options.k_max);
         let modes = modes_of(subject, None, &grid, limits, &options, context)?;
-        let noise = subject.shot_noise(&domain) / domain.volume();
+        let noise = subject.shot_noise(domain) / domain.volume();
         let unit = vec![Some((0, 1.0)); count];
-        let mut target = PowerTarget { domain, grid, options, bins: unit, shells: 1 };
+        let mut target = PowerTarget { domain: *domain, grid, options, bins: unit, shells: 1 };
         let sums = target.sums(&modes, context)?;
         target.bins = vec![None; count];
         target.shells = 0;
@@ -238,7 +238,10 @@ mod tests {
     fn a_mixture_has_the_power_of_its_particles_and_answers_to_counts() {
         for cell in [Cell::orthogonal([10.0; 3]), tilted_cells()[0]] {
             let (mixture, particles) = clumps(&cell);
-            let target = PowerTarget::new(&particles, (GAUSSIANS, 8), &Context::SILENT).unwrap().unwrap();
+            let target =
+                PowerTarget::new(&particles, &Domain::from_particles(&particles), (GAUSSIANS, 8), &Context::SILENT)
+                    .unwrap()
+                    .unwrap();
             assert!((4..=8).contains(&target.shells), "{}", target.shells);
             let deviation = target.deviation(&mixture, &Context::SILENT).unwrap();
             assert!(deviation.of_shell.iter().all(|d| d.abs() < 0.1), "{:?}", deviation.of_shell);
@@ -258,7 +261,11 @@ mod tests {
 
     #[test]
     fn what_is_open_flat_or_even_has_no_power_to_hold() {
-        let held = |p: &Particles| PowerTarget::new(p, (1000, 32), &Context::SILENT).unwrap().map_or(0, |t| t.shells);
+        let held = |p: &Particles| {
+            PowerTarget::new(p, &Domain::from_particles(p), (1000, 32), &Context::SILENT)
+                .unwrap()
+                .map_or(0, |t| t.shells)
+        };
         let cell = Cell::orthogonal([10.0; 3]);
         let (_, mut particles) = clumps(&cell);
         assert!(held(&particles) > 3);
