@@ -16,6 +16,8 @@ const TOLERANCE: f64 = 4e-4;
 const LEFT: f64 = 0.1;
 /// Gaussians for each shell, at least: fewer have no counts to spare.
 const GAUSSIANS_A_SHELL: usize = 20;
+/// Gaussians at most: more average what rounding does to each.
+const MOST_GAUSSIANS: usize = 1_000_000;
 
 /// Bytes of a size that are left for it: moved counts are a little further from what is predicted of them.
 pub(super) fn room(size: u64) -> u64 {
@@ -32,10 +34,10 @@ pub(super) fn hold_power(
     context: &Context<'_>,
 ) -> Result<()> {
     let most = MOST_SUMS.min(encoder.len() / GAUSSIANS_A_SHELL);
-    if most == 0 {
+    if most == 0 || encoder.len() > MOST_GAUSSIANS {
         return Ok(());
     }
-    let Some(target) = PowerTarget::new(particles, domain, (encoder.len(), most), context)? else { return Ok(()) };
+    let Some(target) = PowerTarget::new(particles, domain, most, context)? else { return Ok(()) };
     let precision = Precision::BALANCED.scaled(coded.step_factor);
     let mut bytes = coded.bytes.clone();
     let mut least = f64::INFINITY;
@@ -75,14 +77,9 @@ mod tests {
         let layer = &compressed.model.layers[0].content;
         let mut mixture = layer[0].gaussians.clone();
         layer[1..].iter().for_each(|b| mixture.append(&b.gaussians));
-        let power = PowerTarget::new(
-            particles,
-            &Domain::from_particles(particles),
-            (mixture.len(), MOST_SUMS),
-            &Context::SILENT,
-        )
-        .unwrap()
-        .unwrap();
+        let power = PowerTarget::new(particles, &Domain::from_particles(particles), MOST_SUMS, &Context::SILENT)
+            .unwrap()
+            .unwrap();
         let deviation = power.deviation(&mixture, &Context::SILENT).unwrap();
         (deviation.of_shell.iter().fold(0.0, |a, d| a.max(d.abs())), compressed.bytes.len() as u64)
     }

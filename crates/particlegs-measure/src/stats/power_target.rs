@@ -11,9 +11,8 @@ use particlegs_core::{Result, parallel};
 use particlegs_particles::Particles;
 use std::f64::consts::PI;
 
-/// Gaussians from which on shells end at a quarter of the particles' Nyquist frequency instead of half of it: the grid
-/// has an eighth of the cells, and counts are many enough to average.
-const COARSE_FROM: usize = 1_000_000;
+/// The largest wave number, in the particles' Nyquist frequency.
+const SHARE_OF_NYQUIST: f64 = 0.5;
 /// Cells along the longest edge for each wave along it, at the largest wave number.
 const CELLS_A_WAVE: usize = 3;
 
@@ -43,17 +42,16 @@ pub struct PowerDeviation {
 
 impl PowerTarget {
     /// Of particles in a box that is periodic along all axes; `None` in others, where the box is too flat for a grid of
-    /// Gaussians, or where no power is above the shot noise.
+    /// Gaussians, or where no power is above the shot noise. In `most` shells at most.
     pub fn new(
         particles: &Particles,
         domain: &Domain,
-        (gaussians, most): (usize, usize),
+        most: usize,
         context: &Context<'_>,
     ) -> Result<Option<PowerTarget>> {
         let subject = Subject::Particles(particles);
-        let share = if gaussians < COARSE_FROM { 0.5 } else { 0.25 };
         let width = 2.0 * PI / domain.longest();
-        let count = (share * PI / domain.spacing(particles.len()) / width).round() as usize;
+        let count = (SHARE_OF_NYQUIST * PI / domain.spacing(particles.len()) / width).round() as usize;
         let grid = Grid::new(domain, (CELLS_A_WAVE * count).next_multiple_of(8));
         if !domain.periodic.iter().all(|p| *p) || count == 0 || grid.cells.iter().any(|n| *n < WIDENED_FROM) {
             return Ok(None);
@@ -238,10 +236,9 @@ mod tests {
     fn a_mixture_has_the_power_of_its_particles_and_answers_to_counts() {
         for cell in [Cell::orthogonal([10.0; 3]), tilted_cells()[0]] {
             let (mixture, particles) = clumps(&cell);
-            let target =
-                PowerTarget::new(&particles, &Domain::from_particles(&particles), (GAUSSIANS, 8), &Context::SILENT)
-                    .unwrap()
-                    .unwrap();
+            let target = PowerTarget::new(&particles, &Domain::from_particles(&particles), 8, &Context::SILENT)
+                .unwrap()
+                .unwrap();
             assert!((4..=8).contains(&target.shells), "{}", target.shells);
             let deviation = target.deviation(&mixture, &Context::SILENT).unwrap();
             assert!(deviation.of_shell.iter().all(|d| d.abs() < 0.1), "{:?}", deviation.of_shell);
@@ -262,9 +259,7 @@ mod tests {
     #[test]
     fn what_is_open_flat_or_even_has_no_power_to_hold() {
         let held = |p: &Particles| {
-            PowerTarget::new(p, &Domain::from_particles(p), (1000, 32), &Context::SILENT)
-                .unwrap()
-                .map_or(0, |t| t.shells)
+            PowerTarget::new(p, &Domain::from_particles(p), 32, &Context::SILENT).unwrap().map_or(0, |t| t.shells)
         };
         let cell = Cell::orthogonal([10.0; 3]);
         let (_, mut particles) = clumps(&cell);
