@@ -11,6 +11,8 @@ use particlegs_core::{Result, parallel};
 use particlegs_particles::Particles;
 use std::f64::consts::PI;
 
+/// Waves along the longest edge at most: those of 10^11 particles in a cube.
+const MOST_WAVES: f64 = 1200.0;
 /// The largest wave number, in the particles' Nyquist frequency.
 const SHARE_OF_NYQUIST: f64 = 0.5;
 /// Cells along the longest edge for each wave along it, at the largest wave number.
@@ -51,9 +53,13 @@ impl PowerTarget {
     ) -> Result<Option<PowerTarget>> {
         let subject = Subject::Particles(particles);
         let width = 2.0 * PI / domain.longest();
-        let count = (SHARE_OF_NYQUIST * PI / domain.spacing(particles.len()) / width).round() as usize;
+        let waves = (SHARE_OF_NYQUIST * PI / domain.spacing(particles.len()) / width).round();
+        if !domain.periodic.iter().all(|p| *p) || !(1.0..=MOST_WAVES).contains(&waves) {
+            return Ok(None);
+        }
+        let count = waves as usize;
         let grid = Grid::new(domain, (CELLS_A_WAVE * count).next_multiple_of(8));
-        if !domain.periodic.iter().all(|p| *p) || count == 0 || grid.cells.iter().any(|n| *n < WIDENED_FROM) {
+        if grid.cells.iter().any(|n| *n < WIDENED_FROM) {
             return Ok(None);
         }
         let options = SpectrumOptions {
