@@ -28,10 +28,10 @@ type SumChanges = [f64; MOST_SUMS];
 /// Codes in a run.
 const RUN: usize = 4;
 /// Errors of a sum that are worth [`NATS`], one after the other: what costs least is moved first.
-const ERRORS: [f64; 10] = [0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4];
+const ERRORS: [f64; 6] = [0.02, 0.01, 3e-3, 1e-3, 3e-4, 1e-4];
 const NATS: f64 = 4.0;
 /// Runs that are looked at, at most: of millions of Gaussians these have enough to move.
-const MOST_RUNS: usize = 10_000;
+const MOST_RUNS: usize = 3000;
 /// Passes over the runs for each error, and moves of a pass.
 const SWEEPS: usize = 3;
 const MOST_MOVES: usize = 200;
@@ -71,7 +71,9 @@ impl CountDescent<'_> {
         let starts: Vec<usize> = all.step_by(self.codes.len().div_ceil(MOST_RUNS).max(1)).collect();
         let (mut states, mut left) = (self.states(segments), SumChanges::default());
         left.iter_mut().zip(self.balance.wanted).for_each(|(left, wanted)| *left = *wanted);
-        for error in ERRORS.map(|error| error.max(self.balance.within)) {
+        let within = self.balance.within;
+        // The last error is the one that may stay.
+        for error in ERRORS.into_iter().filter(|error| *error > within).chain([within]) {
             let weight = NATS / (error * error);
             for _ in 0..SWEEPS {
                 if left.iter().all(|v| v.abs() < error) {
