@@ -135,7 +135,8 @@ impl CountDescent<'_> {
         let responses: [SumChanges; RUN] = std::array::from_fn(|i| self.responses(start + i));
         let codes: [i32; RUN] = std::array::from_fn(|i| self.codes[start + i]);
         let before: f64 = (0..RUN).map(|i| self.error(start + i, codes[i])).sum::<f64>() + weight * squares(left);
-        let mut search = RunSearch { candidates, responses, weight, end, best: (codes, *left, before) };
+        let moved = responses.map(|responses| MOVE + weight * ROUNDED * ROUNDED * squares(&responses));
+        let mut search = RunSearch { candidates, responses, moved, weight, end, best: (codes, *left, before) };
         search.go_on(0, states[start], ([0; RUN], *left, 0.0));
         let (codes, left, cost) = search.best;
         (codes, left, before - cost)
@@ -182,6 +183,8 @@ impl CountDescent<'_> {
 struct RunSearch {
     candidates: RunCodes,
     responses: [SumChanges; RUN],
+    /// The cost of moving each code at all.
+    moved: [f64; RUN],
     /// Nats for the square of a sum's error.
     weight: f64,
     end: TrellisState,
@@ -193,26 +196,24 @@ impl RunSearch {
     fn go_on(&mut self, place: usize, state: TrellisState, (codes, left, cost): ([i32; RUN], SumChanges, f64)) {
         if place == RUN {
             let total = cost + self.weight * squares(&left);
-            if state == self.end && total < self.best.2 {
+            if total < self.best.2 {
                 self.best = (codes, left, total);
             }
             return;
         }
         let responses = self.responses[place];
         for candidate in self.candidates[place][state.lattice() as usize] {
-            if cost + candidate.cost >= self.best.2 {
-                continue;
-            }
             let (mut next, mut codes) = (state, codes);
             next.half_steps(candidate.code >> 1);
+            let moved = if candidate.change == 0.0 { 0.0 } else { self.moved[place] };
+            let cost = cost + candidate.cost + moved;
+            // What ends elsewhere or costs more already is not followed.
+            if cost >= self.best.2 || (place + 1 == RUN && next != self.end) {
+                continue;
+            }
             codes[place] = candidate.code;
-            let moved = if candidate.change == 0.0 {
-                0.0
-            } else {
-                MOVE + self.weight * ROUNDED * ROUNDED * squares(&responses)
-            };
             let left = std::array::from_fn(|s| left[s] - candidate.change * responses[s]);
-            self.go_on(place + 1, next, (codes, left, cost + candidate.cost + moved));
+            self.go_on(place + 1, next, (codes, left, cost));
         }
     }
 }
