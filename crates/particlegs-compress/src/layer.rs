@@ -250,11 +250,12 @@ impl LayerTask<'_> {
         self.coded_as_they_are(gaussians, goal)
     }
 
-    /// Codes Gaussians; with the power of the particles where they are the whole, and not trained.
+    /// Codes Gaussians; with the power of the particles where they are the whole, not trained, and time is not short.
     fn coded_as_they_are(&self, gaussians: Mixture, goal: CodingGoal) -> Result<CodedGaussians> {
         let (plan, context) = (self.setup.plan, self.setup.context);
         let mut encoder = self.encoder(gaussians)?;
-        let holds_power = plan.recipe().blocks <= 1 && plan.training.is_none();
+        let recipe = plan.recipe();
+        let holds_power = recipe.effort != Effort::Fast && recipe.blocks <= 1 && plan.training.is_none();
         let mut coded = match goal.bytes {
             Some(bytes) => {
                 let size = if holds_power { bytes - room(bytes) } else { bytes };

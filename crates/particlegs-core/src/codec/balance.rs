@@ -27,18 +27,21 @@ type SumChanges = [f64; MOST_SUMS];
 
 /// Codes in a run.
 const RUN: usize = 4;
-/// Errors of a sum that are worth [`NATS`], one after the other: what costs least is moved first.
-const ERRORS: [f64; 6] = [0.02, 0.01, 3e-3, 1e-3, 3e-4, 1e-4];
+/// What a sum's error is worth, in nats, in units of the error that is allowed. That is smaller from one descent to the
+/// next by a factor, so that what costs least is moved first; the largest error that is left is as much larger.
 const NATS: f64 = 4.0;
+const FINER: f64 = 3.0;
+/// Errors below this are mended in the last descent alone: those before would move counts back that were moved already.
+const SMALL: f64 = 4e-3;
 /// Runs that are looked at, at most: of millions of Gaussians these have enough to move.
 const MOST_RUNS: usize = 3000;
-/// Passes over the runs for each error, and moves of a pass.
+/// Passes over the runs in a descent, and moves of a pass.
 const SWEEPS: usize = 3;
 const MOST_MOVES: usize = 200;
 /// The shape and place of a Gaussian that is moved are rounded anew: what that costs in nats, and how far it moves the
 /// sums, in responses.
 const MOVE: f64 = 0.5;
-const ROUNDED: f64 = 0.03;
+const ROUNDED: f64 = 0.1;
 
 /// Counts in the order of the file, and what is left of the balance.
 pub(super) struct CountDescent<'a> {
@@ -55,7 +58,7 @@ pub(super) struct CountDescent<'a> {
 #[derive(Clone, Copy, Default)]
 struct CountCode {
     code: i32,
-    /// Its squared error, in nats.
+    /// Its squared error and what it changes in the sums', as far as it is in proportion to the change, in nats.
     cost: f64,
     /// The relative change of the count.
     change: f64,
@@ -71,20 +74,14 @@ impl CountDescent<'_> {
         let starts: Vec<usize> = all.step_by(self.codes.len().div_ceil(MOST_RUNS).max(1)).collect();
         let (mut states, mut left) = (self.states(segments), SumChanges::default());
         left.iter_mut().zip(self.balance.wanted).for_each(|(left, wanted)| *left = *wanted);
+        let largest = |left: &SumChanges| left.iter().fold(0.0f64, |a, v| a.max(v.abs()));
         let within = self.balance.within;
-        // The last error is the one that may stay.
-        for error in ERRORS.into_iter().filter(|error| *error > within).chain([within]) {
+        let mut error = if largest(&left) < SMALL { within / FINER } else { largest(&left) / FINER };
+        while largest(&left) > within && error > within / FINER / FINER {
             let weight = NATS / (error * error);
             for _ in 0..SWEEPS {
-                if left.iter().all(|v| v.abs() < error) {
-                    break;
-                }
-                let moves = self.moves(&starts, &states, &left, weight);
                 let mut is_still = true;
-                for start in moves {
-                    if left.iter().all(|v| v.abs() < error) {
-                        break;
-                    }
+                for start in self.moves(&starts, &states, &left, weight) {
                     // What was moved since may have taken its gain.
                     let (codes, rest, gain) = self.best_run(start, &states, &left, weight);
                     if gain > 0.0 {
@@ -92,10 +89,11 @@ impl CountDescent<'_> {
                         (left, is_still) = (rest, false);
                     }
                 }
-                if is_still {
+                if is_still || largest(&left) <= within {
                     break;
                 }
             }
+            error /= FINER;
         }
     }
 
@@ -131,14 +129,22 @@ impl CountDescent<'_> {
     ) -> ([i32; RUN], SumChanges, f64) {
         let mut end = states[start + RUN - 1];
         end.half_steps(self.codes[start + RUN - 1] >> 1);
-        let candidates: RunCodes = std::array::from_fn(|i| self.candidates(start + i));
         let responses: [SumChanges; RUN] = std::array::from_fn(|i| self.responses(start + i));
+        // What changes leave of the sums is taken from products of responses: sequences are many, products few.
+        let products = responses.map(|a| responses.map(|b| weight * product(&a, &b)));
+        let candidates: RunCodes = std::array::from_fn(|i| {
+            let toward = weight * product(left, &responses[i]);
+            self.candidates(start + i, MOVE + ROUNDED * ROUNDED * products[i][i], toward)
+        });
+        let least =
+            candidates.map(|of_code| of_code.iter().flatten().fold(f64::INFINITY, |least, c| least.min(c.cost)));
+        let least_after = std::array::from_fn(|place| least[place + 1..].iter().sum());
         let codes: [i32; RUN] = std::array::from_fn(|i| self.codes[start + i]);
-        let before: f64 = (0..RUN).map(|i| self.error(start + i, codes[i])).sum::<f64>() + weight * squares(left);
-        let moved = responses.map(|responses| MOVE + weight * ROUNDED * ROUNDED * squares(&responses));
-        let mut search = RunSearch { candidates, responses, moved, weight, end, best: (codes, *left, before) };
-        search.go_on(0, states[start], ([0; RUN], *left, 0.0));
-        let (codes, left, cost) = search.best;
+        let before: f64 = (0..RUN).map(|i| self.error(start + i, codes[i])).sum();
+        let mut search = RunSearch { candidates, products, least_after, end, best: (codes, [0.0; RUN], before) };
+        search.go_on(0, states[start], ([0; RUN], [0.0; RUN], 0.0, 0.0));
+        let (codes, changes, cost) = search.best;
+        let left = std::array::from_fn(|s| left[s] - (0..RUN).map(|i| changes[i] * responses[i][s]).sum::<f64>());
         (codes, left, before - cost)
     }
 
@@ -158,15 +164,23 @@ impl CountDescent<'_> {
         0.5 * exp(self.targets[at]) * error * error
     }
 
-    fn candidates(&self, at: usize) -> [[CountCode; 4]; 2] {
-        let target = self.targets[at];
+    /// `moved` is the cost of moving the code at all, and `toward` half of what a change of the count takes off the sums'
+    /// squared errors, in nats.
+    fn candidates(&self, at: usize, moved: f64, toward: f64) -> [[CountCode; 4]; 2] {
+        let (target, count) = (self.targets[at], exp(self.targets[at]));
         std::array::from_fn(|lattice| {
             let below = floor_index(target / self.step - 0.5 * lattice as f64) as i32;
             std::array::from_fn(|i| {
                 let code = 2 * (below - 1 + i as i32) + lattice as i32;
-                let moved = code - self.codes[at];
-                let change = exp(0.5 * f64::from(moved) * self.step) - 1.0;
-                CountCode { code, cost: self.error(at, code), change }
+                let error = 0.5 * f64::from(code) * self.step - target;
+                let cost = 0.5 * count * error * error;
+                match code - self.codes[at] {
+                    0 => CountCode { code, cost, change: 0.0 },
+                    half_steps => {
+                        let change = exp(0.5 * f64::from(half_steps) * self.step) - 1.0;
+                        CountCode { code, cost: cost + moved - 2.0 * change * toward, change }
+                    }
+                }
             })
         })
     }
@@ -182,44 +196,44 @@ impl CountDescent<'_> {
 /// All sequences of a run's codes that end in a state.
 struct RunSearch {
     candidates: RunCodes,
-    responses: [SumChanges; RUN],
-    /// The cost of moving each code at all.
-    moved: [f64; RUN],
-    /// Nats for the square of a sum's error.
-    weight: f64,
+    /// What changes of two counts add to the sums' squared errors, in nats.
+    products: [[f64; RUN]; RUN],
+    /// The least cost of the codes after each.
+    least_after: [f64; RUN],
     end: TrellisState,
-    /// The codes of least cost, what they leave of the sums, and their cost.
-    best: ([i32; RUN], SumChanges, f64),
+    /// The codes of least cost, their changes, and that cost.
+    best: ([i32; RUN], [f64; RUN], f64),
 }
 
 impl RunSearch {
-    fn go_on(&mut self, place: usize, state: TrellisState, (codes, left, cost): ([i32; RUN], SumChanges, f64)) {
+    /// Codes and changes up to a place, their cost, and what products add to it.
+    fn go_on(&mut self, place: usize, state: TrellisState, part: ([i32; RUN], [f64; RUN], f64, f64)) {
+        let (mut codes, mut changes, cost, added) = part;
         if place == RUN {
-            let total = cost + self.weight * squares(&left);
-            if total < self.best.2 {
-                self.best = (codes, left, total);
+            if cost + added < self.best.2 {
+                self.best = (codes, changes, cost + added);
             }
             return;
         }
-        let responses = self.responses[place];
         for candidate in self.candidates[place][state.lattice() as usize] {
-            let (mut next, mut codes) = (state, codes);
+            let (mut next, change) = (state, candidate.change);
             next.half_steps(candidate.code >> 1);
-            let moved = if candidate.change == 0.0 { 0.0 } else { self.moved[place] };
-            let cost = cost + candidate.cost + moved;
-            // What ends elsewhere or costs more already is not followed.
-            if cost >= self.best.2 || (place + 1 == RUN && next != self.end) {
+            let cost = cost + candidate.cost;
+            // Products add nothing at best. What ends elsewhere or costs more already is not followed.
+            if cost + self.least_after[place] >= self.best.2 || (place + 1 == RUN && next != self.end) {
                 continue;
             }
-            codes[place] = candidate.code;
-            let left = std::array::from_fn(|s| left[s] - candidate.change * responses[s]);
-            self.go_on(place + 1, next, (codes, left, cost));
+            let products = &self.products[place];
+            let common: f64 = (0..place).map(|i| changes[i] * products[i]).sum();
+            let added = added + change * (change * products[place] + 2.0 * common);
+            (codes[place], changes[place]) = (candidate.code, change);
+            self.go_on(place + 1, next, (codes, changes, cost, added));
         }
     }
 }
 
-fn squares(sums: &SumChanges) -> f64 {
-    sums.iter().map(|v| v * v).sum()
+fn product(a: &SumChanges, b: &SumChanges) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 #[cfg(test)]

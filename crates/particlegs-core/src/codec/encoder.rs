@@ -13,7 +13,7 @@ use super::source::{SegmentSource, SegmentTree};
 use super::streams::{self, STAGES};
 use super::tree::{Tree, pieces, trunk};
 use super::trellis::{PlacementTarget, TrellisSample, TrellisState, quantise, quantise_places};
-use crate::math::{Sym3, each_axis};
+use crate::math::{Sym3, each_axis, exp};
 use crate::model::{AlphaBlend, Block};
 use crate::space::Bounds;
 use crate::{Error, Result, parallel};
@@ -45,6 +45,8 @@ pub struct Encoder {
 /// Gaussians as they were coded last, in the order of the file. Those whose counts keep their codes are coded alike again.
 struct SettledGaussians {
     counts: Vec<i32>,
+    /// The header's centre, on which all steps hang.
+    centre: f32,
     /// Five a Gaussian.
     shape: Vec<f64>,
     /// Place within the leaf's cell, in 0 to 1.
@@ -177,9 +179,14 @@ impl Encoder {
         let mut leaves: Vec<Leaf> = self.tree.cells.iter().map(|&cell| Leaf { cell, ..Leaf::default() }).collect();
         // Sizes and counts come first, as the steps of shapes and places follow from them.
         self.each(&mut leaves, |range, leaves| self.scalars(&header, range, leaves));
-        // In order and not in parallel: the bytes hang on the last digit of this sum.
-        let sum: f64 = leaves.iter().map(|l| header.log_importance(l.t, l.m)).sum();
-        header.centre = (sum / leaves.len() as f64) as f32;
+        header.centre = self.settled.as_ref().map_or_else(
+            || {
+                // In order and not in parallel: the bytes hang on the last digit of this sum.
+                let sum: f64 = leaves.iter().map(|l| header.log_importance(l.t, l.m)).sum();
+                (sum / leaves.len() as f64) as f32
+            },
+            |settled| settled.centre,
+        );
         self.each(&mut leaves, |range, leaves| {
             let factors: Vec<f64> = leaves.iter().map(|l| header.step_factor(l.t, l.m)).collect();
             self.shapes(&header, range.clone(), &factors, leaves);
@@ -201,29 +208,33 @@ impl Encoder {
         if !coded.tree.order.iter().zip(0..).all(|(order, at)| *order == at) || coded.len() != self.len() {
             return Ok(false);
         }
-        let counts = match self.counts.take() {
-            Some(counts) => counts,
-            None => self.quantise(precision).1.iter().map(|leaf| leaf.m).collect(),
+        let (counts, centre) = match (self.counts.take(), &self.settled) {
+            (Some(counts), Some(settled)) => (counts, settled.centre),
+            _ => {
+                let (header, leaves) = self.quantise(precision);
+                (leaves.iter().map(|leaf| leaf.m).collect(), header.centre)
+            }
         };
-        self.settled = Some(SettledGaussians { counts: counts.clone(), shape: coded.logs.shape, within: coded.within });
+        let settled =
+            SettledGaussians { counts: counts.clone(), centre, shape: coded.logs.shape, within: coded.within };
+        self.settled = Some(settled);
         self.counts = Some(counts);
         Ok(true)
     }
 
     /// Moves the codes of counts that are settled until sums over the Gaussians change as wanted, by those moves that fit
-    /// the counts best.
-    pub fn balance_counts(&mut self, precision: &Precision, balance: &CountBalance<'_>) -> Result<()> {
+    /// the counts best. Returns the factor by which each count changes.
+    pub fn balance_counts(&mut self, precision: &Precision, balance: &CountBalance<'_>) -> Result<Vec<f64>> {
         let sums = balance.wanted.len();
         if sums > MOST_SUMS || balance.responses.len() != sums * self.len() {
             let message =
                 format!("counts can be balanced for {MOST_SUMS} sums at most, with a response of each Gaussian");
             return Err(Error::argument(message));
         }
-        if let Some(codes) = &mut self.counts {
-            let step = f64::from(precision.steps()[2]);
-            CountDescent { balance, targets: &self.logs.count, step, codes }.run(&ranges(&self.tree));
-        }
-        Ok(())
+        let Some(codes) = &mut self.counts else { return Ok(vec![1.0; self.len()]) };
+        let (step, last_codes) = (f64::from(precision.steps()[2]), codes.clone());
+        CountDescent { balance, targets: &self.logs.count, step, codes }.run(&ranges(&self.tree));
+        Ok(codes.iter().zip(last_codes).map(|(code, last)| exp(0.5 * f64::from(code - last) * step)).collect())
     }
 
     /// The numbers that a Gaussian is to keep, if its count has the code that it had.

@@ -82,7 +82,7 @@ crate::named_values! {
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
     #[serde(rename_all = "snake_case")]
     pub enum Effort {
-        Fast = "fast": "One iteration of expectation maximisation: eight times as fast, with fewer small groups",
+        Fast = "fast": "One iteration of expectation maximisation: eight times as fast, with fewer small groups, and the power spectrum is not held",
         #[default]
         Default = "default": "Six rounds of split and merge, with expectation maximisation after each",
         Best = "best": "Twelve rounds: takes nearly twice as long, for about 0.01 bits a particle",

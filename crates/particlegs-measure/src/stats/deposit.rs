@@ -73,12 +73,10 @@ pub(crate) fn deposit_for_modes(
     deposit_again(subject, empty_field(grid), scheme, shift, context)
 }
 
-/// A mixture alone, its Gaussians widened by [`WIDENED`].
-pub(super) fn deposit_mixture(mixture: &Mixture, grid: &Grid, shift: f64, context: &Context<'_>) -> Result<Field> {
-    particlegs_files::memory::require("a density grid", deposit_bytes(grid, 0))?;
-    let mut field = Field { mass: vec![0.0; grid.len()], ..empty_field(grid) };
-    add_mixtures(&mut field, &[mixture], (1.0, WIDENED * grid.coarsest()), shift, context)?;
-    Ok(field)
+/// Adds a mixture to a field, its Gaussians widened by [`WIDENED`]. Counts below 0 take Gaussians away.
+pub(super) fn add_widened(field: &mut Field, mixture: &Mixture, context: &Context<'_>) -> Result<()> {
+    let widened = WIDENED * field.grid.coarsest();
+    add_mixtures(field, &[mixture], (1.0, widened), 0.0, context)
 }
 
 fn empty_field(grid: &Grid) -> Field {

@@ -1,11 +1,11 @@
 //! The power of a snapshot in shells of wave numbers, that of a mixture over it, and its response to the Gaussians' counts.
 
-use super::deposit::deposit_mixture;
+use super::deposit::{add_widened, deposit_bytes};
 use super::spectrum::{WIDENED_FROM, mode_limits, modes_of, modes_of_fields, visit_plane};
 use super::transform::{Modes, field_of_modes};
-use super::{Assignment, Domain, Grid, SpectrumOptions, Subject};
+use super::{Assignment, Domain, Field, Grid, SpectrumOptions, Subject};
 use particlegs_core::context::Context;
-use particlegs_core::math::{each_axis, exp, floor};
+use particlegs_core::math::{each_axis, exp};
 use particlegs_core::model::Mixture;
 use particlegs_core::{Result, parallel};
 use particlegs_particles::Particles;
@@ -15,8 +15,10 @@ use std::f64::consts::PI;
 const MOST_WAVES: f64 = 1200.0;
 /// The largest wave number, in the particles' Nyquist frequency.
 const SHARE_OF_NYQUIST: f64 = 0.5;
-/// Cells along the longest edge for each wave along it, at the largest wave number.
-const CELLS_A_WAVE: usize = 3;
+/// Cells along the longest edge for each wave along it: a widened mixture has no images then.
+const CELLS_A_WAVE: f64 = 2.9;
+/// Differences of a Gaussian, in its mass and its widths, that are not seen in the power.
+const UNSEEN: f64 = 5e-4;
 
 /// Power less shot noise that is held, in the scatter of shot noise: less of it may be chance.
 const CLEAR: f64 = 3.0;
@@ -37,6 +39,8 @@ pub struct PowerTarget {
 pub struct PowerDeviation {
     /// Power over that of the particles, less 1, in each shell.
     pub of_shell: Vec<f64>,
+    /// The mixture and its field: Gaussians that hardly differ are as they were deposited first.
+    deposited: (Mixture, Field),
     modes: Modes,
     /// Mean square of the wave number in each shell, weighted by power.
     square: Vec<f64>,
@@ -58,7 +62,7 @@ impl PowerTarget {
             return Ok(None);
         }
         let count = waves as usize;
-        let grid = Grid::new(domain, (CELLS_A_WAVE * count).next_multiple_of(8));
+        let grid = grid_of_waves(domain, count);
         if grid.cells.iter().any(|n| *n < WIDENED_FROM) {
             return Ok(None);
         }
@@ -99,11 +103,25 @@ impl PowerTarget {
         Ok((target.shells > 0).then_some(target))
     }
 
-    /// A mixture's power against it.
-    pub fn deviation(&self, mixture: &Mixture, context: &Context<'_>) -> Result<PowerDeviation> {
+    /// A mixture's power against it; with that of a `previous` mixture from which it differs in a few Gaussians, sooner.
+    pub fn deviation(
+        &self,
+        mixture: &Mixture,
+        previous: Option<PowerDeviation>,
+        context: &Context<'_>,
+    ) -> Result<PowerDeviation> {
+        let (mut deposited, mut field) = match previous {
+            Some(previous) => previous.deposited,
+            None => {
+                particlegs_files::memory::require("a density grid", deposit_bytes(&self.grid, 0))?;
+                let mass = vec![0.0; self.grid.len()];
+                (Mixture::default(), Field { grid: self.grid, mass, outside: 0.0 })
+            }
+        };
+        add_widened(&mut field, &replace(&mut deposited, mixture), context)?;
         let most = mode_limits(&self.grid, &self.domain, self.options.k_max);
-        let field = |moved: usize, _| deposit_mixture(mixture, &self.grid, 0.5 * moved as f64, context);
-        let modes = modes_of_fields(&field, (None, None), most, &self.options, context)?;
+        let options = SpectrumOptions { interlaced: false, ..self.options };
+        let modes = modes_of_fields(&|_, _| Ok(field.clone()), (None, None), most, &options, context)?;
         let (mut of_shell, mut square) = (vec![-1.0; self.shells], vec![0.0; self.shells]);
         for (bin, [_, power, by_square]) in self.bins.iter().zip(self.sums(&modes, context)?) {
             if let Some((shell, weight)) = bin {
@@ -112,7 +130,7 @@ impl PowerTarget {
             }
         }
         square.iter_mut().zip(&of_shell).for_each(|(s, d)| *s /= 1.0 + d);
-        Ok(PowerDeviation { of_shell, modes, square })
+        Ok(PowerDeviation { of_shell, deposited: (deposited, field), modes, square })
     }
 
     /// Number of modes, sum of |delta|^2 and of k^2 |delta|^2 in each bin.
@@ -146,10 +164,10 @@ impl PowerTarget {
     pub fn responses(&self, of: &PowerDeviation, mixture: &Mixture, context: &Context<'_>) -> Result<Vec<f32>> {
         let total: f64 = (0..mixture.len()).map(|i| mixture.mass_of(i)).sum();
         let columns = parallel::try_map_range(self.shells, |shell| {
-            let field = self.field(of, shell, context)?;
+            let (grid, field) = self.field(of, shell, context)?;
             let response = |i: usize| {
                 let size = mixture.cov_of(i).trace() / 3.0;
-                let smoothed = exp(-0.5 * of.square[shell] * size) * self.at(&field, mixture.mean_of(i));
+                let smoothed = exp(-0.5 * of.square[shell] * size) * at(&grid, &field, mixture.mean_of(i));
                 (2.0 * mixture.mass_of(i) / total * (smoothed - 1.0 - of.of_shell[shell])) as f32
             };
             Ok((0..mixture.len()).map(response).collect::<Vec<f32>>())
@@ -157,53 +175,94 @@ impl PowerTarget {
         Ok((0..mixture.len()).flat_map(|i| columns.iter().map(move |column| column[i])).collect())
     }
 
-    /// The sum of a shell's modes, each times its weight.
-    fn field(&self, of: &PowerDeviation, shell: usize, context: &Context<'_>) -> Result<Vec<f32>> {
-        let mut modes = Modes::zero(of.modes.most);
+    /// The sum of a shell's modes, each times its weight, on a grid that resolves them.
+    fn field(&self, of: &PowerDeviation, shell: usize, context: &Context<'_>) -> Result<(Grid, Vec<f32>)> {
+        let is_of_shell = |bin: &Option<(usize, f64)>| bin.is_some_and(|b| b.0 == shell);
+        let waves = 1 + self.bins.iter().rposition(is_of_shell).unwrap_or(0);
+        let grid = grid_of_waves(&self.domain, waves);
+        let k_max = (waves as f64 + 0.5) * 2.0 * PI / self.domain.longest();
+        let limits = mode_limits(&grid, &self.domain, k_max);
+        let mut modes = Modes::zero(each_axis(|k| limits[k].min(of.modes.most[k])));
         let (columns, depth) = modes.plane();
-        let cells = self.grid.cells.map(|n| n as f64);
-        // Values between cells are linear, which narrows modes by a square of sinc along each axis.
+        // Values between cells are means by the scheme, which narrows modes by a cube of sinc along each axis.
         let window: [Vec<f64>; 3] = each_axis(|k| {
             let inverse = |m: usize| {
-                let x = PI * m as f64 / cells[k];
-                if m == 0 { 1.0 } else { x * x / (libm::sin(x) * libm::sin(x)) }
+                let x = PI * m as f64 / grid.cells[k] as f64;
+                if m == 0 { 1.0 } else { x * x * x / (libm::sin(x) * libm::sin(x) * libm::sin(x)) }
             };
             (0..=modes.most[k]).map(inverse).collect()
         });
+        let all = of.modes.plane();
+        let [x_offset, y_offset] = [0, 1].map(|k| of.modes.most[k] - modes.most[k]);
+        let mut value = std::mem::take(&mut modes.value);
         for i in 0..=2 * modes.most[0] {
-            visit_plane(&of.modes, &self.domain, i, self.options.k_max, context, |at, _, k, _| {
-                if let Some(Some((of_bin, weight))) =
-                    self.bins.get(self.bin(k)).filter(|b| b.is_some_and(|b| b.0 == shell))
-                {
-                    debug_assert_eq!(*of_bin, shell);
-                    let y = (at / depth % columns).abs_diff(modes.most[1]);
-                    let window = window[0][i.abs_diff(modes.most[0])] * window[1][y] * window[2][at % depth];
-                    modes.value[at] = of.modes.value[at] * (weight * window);
-                }
+            visit_plane(&modes, &self.domain, i, k_max, context, |at, _, k, _| {
+                let Some((_, weight)) = self.bins.get(self.bin(k)).copied().flatten().filter(|b| b.0 == shell) else {
+                    return;
+                };
+                let (y, z) = (at / depth % columns, at % depth);
+                let [x, y] = [i + x_offset, y + y_offset];
+                let window =
+                    window[0][x.abs_diff(of.modes.most[0])] * window[1][y.abs_diff(of.modes.most[1])] * window[2][z];
+                value[at] = of.modes.value[(x * all.0 + y) * all.1 + z] * (weight * window);
             })?;
         }
-        Ok(field_of_modes(&modes, self.grid.cells))
+        modes.value = value;
+        let field = field_of_modes(&modes, grid.cells);
+        Ok((grid, field))
     }
+}
 
-    /// A field at a place, linear between the centres of cells.
-    fn at(&self, field: &[f32], place: [f64; 3]) -> f64 {
-        let offset = self.grid.offset_from_corner(place);
-        let axes: [(usize, usize, f64); 3] = each_axis(|k| {
-            let n = self.grid.cells[k];
-            let u = (offset[k] / self.grid.side[k] - 0.5).rem_euclid(n as f64);
-            let low = floor(u);
-            // Rounding may end at n.
-            ((low as usize) % n, (low as usize + 1) % n, u - low)
-        });
-        let mut sum = 0.0;
-        for corner in 0..8 {
-            let side = |k: usize| corner >> k & 1 == 1;
-            let cell = each_axis(|k| if side(k) { axes[k].1 } else { axes[k].0 });
-            let share: f64 = (0..3).map(|k| if side(k) { axes[k].2 } else { 1.0 - axes[k].2 }).product();
-            sum += share * f64::from(field[self.grid.index(cell)]);
+/// A grid for so many waves along the longest edge.
+fn grid_of_waves(domain: &Domain, waves: usize) -> Grid {
+    Grid::new(domain, ((CELLS_A_WAVE * (waves as f64 + 0.5)).ceil() as usize).next_multiple_of(8))
+}
+
+/// Puts Gaussians that differ into `deposited`, their masses as counts; what that adds to its field, with what it takes
+/// away below 0.
+fn replace(deposited: &mut Mixture, mixture: &Mixture) -> Mixture {
+    let mut difference = Mixture::default();
+    for i in 0..mixture.len() {
+        let (mean, cov, mass) = (mixture.mean_of(i), mixture.cov_of(i), mixture.mass_of(i));
+        if i == deposited.len() {
+            deposited.push(mean, cov, mass, 0.0);
+        } else {
+            let (last_mean, last_cov, last_mass) = (deposited.mean_of(i), deposited.cov_of(i), deposited.count[i]);
+            let is_close = |a: f64, b: f64, scale: f64| (a - b).abs() <= UNSEEN * scale;
+            if is_close(mass, last_mass, mass)
+                && (0..6).all(|k| is_close(cov.0[k], last_cov.0[k], cov.trace()))
+                && (0..3).all(|k| is_close(mean[k], last_mean[k], cov.trace().sqrt()))
+            {
+                continue;
+            }
+            difference.push(last_mean, last_cov, -last_mass, 0.0);
+            (0..3).for_each(|k| deposited.mean[k][i] = mean[k]);
+            (0..6).for_each(|k| deposited.cov[k][i] = cov.0[k]);
+            deposited.count[i] = mass;
         }
-        sum
+        difference.push(mean, cov, mass, 0.0);
     }
+    difference
+}
+
+/// A field at a place, by [`Assignment::Tsc`].
+fn at(grid: &Grid, field: &[f32], place: [f64; 3]) -> f64 {
+    let offset = grid.offset_from_corner(place);
+    let axes: [([usize; 3], [f64; 3]); 3] = each_axis(|k| {
+        let u = (offset[k] / grid.side[k]).rem_euclid(grid.cells[k] as f64);
+        let (first, weights) = Assignment::Tsc.weights(u);
+        (std::array::from_fn(|a| grid.wrap(k, first + a as i64)), weights)
+    });
+    let [x, y, z] = axes;
+    let mut sum = 0.0;
+    for (i, x_weight) in x.0.into_iter().zip(x.1) {
+        for (j, y_weight) in y.0.into_iter().zip(y.1) {
+            let row = &field[grid.index([i, j, 0])..];
+            let along: f64 = z.0.into_iter().zip(z.1).map(|(k, weight)| weight * f64::from(row[k])).sum();
+            sum += x_weight * y_weight * along;
+        }
+    }
+    sum
 }
 
 #[cfg(test)]
@@ -246,7 +305,7 @@ mod tests {
                 .unwrap()
                 .unwrap();
             assert!((4..=8).contains(&target.shells), "{}", target.shells);
-            let deviation = target.deviation(&mixture, &Context::SILENT).unwrap();
+            let deviation = target.deviation(&mixture, None, &Context::SILENT).unwrap();
             assert!(deviation.of_shell.iter().all(|d| d.abs() < 0.1), "{:?}", deviation.of_shell);
             let responses = target.responses(&deviation, &mixture, &Context::SILENT).unwrap();
             for shell in 0..target.shells {
@@ -254,7 +313,10 @@ mod tests {
                 let i = (0..GAUSSIANS).find(|i| responses[i * target.shells + shell].abs() == largest).unwrap();
                 let mut moved = mixture.clone();
                 moved.count[i] *= 1.01;
-                let after = target.deviation(&moved, &Context::SILENT).unwrap();
+                let after = target.deviation(&moved, None, &Context::SILENT).unwrap();
+                let previous = target.deviation(&mixture, None, &Context::SILENT).unwrap();
+                let sooner = target.deviation(&moved, Some(previous), &Context::SILENT).unwrap();
+                assert!((sooner.of_shell[shell] - after.of_shell[shell]).abs() < 1e-6);
                 let change = (after.of_shell[shell] - deviation.of_shell[shell]) / 0.01f64.ln_1p();
                 assert!(((change / f64::from(largest)).abs() - 1.0).abs() < 0.25, "{shell}: {change} {largest}");
                 assert!(change * f64::from(responses[i * target.shells + shell]) > 0.0, "{shell}");
