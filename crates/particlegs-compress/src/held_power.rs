@@ -53,9 +53,10 @@ pub(super) fn hold_power(
         if largest < least && bytes.len() as u64 <= size {
             (least, coded.bytes) = (largest, bytes);
         }
-        if largest < TOLERANCE || round == ROUNDS || !encoder.settle(&precision, &block)? {
+        if largest < TOLERANCE || round == ROUNDS {
             break;
         }
+        encoder.settle(&precision, &block)?;
         // Those of the few that are moved change by per cents.
         if responses.is_empty() {
             responses = target.responses(&reached, &block.gaussians, context)?;

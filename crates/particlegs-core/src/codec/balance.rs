@@ -273,7 +273,7 @@ mod tests {
             sums(&first.gaussians).iter().zip([0.004, -0.002, 0.001]).map(|(s, by)| s + by).collect();
         let mut last = first.clone();
         for _ in 0..3 {
-            assert!(encoder.settle(&precision, &last).unwrap());
+            encoder.settle(&precision, &last).unwrap();
             let (g, reached) = (&last.gaussians, sums(&last.gaussians));
             let total: f64 = g.count.iter().sum();
             let response = |i: usize, k: usize| {
@@ -303,7 +303,7 @@ mod tests {
             let (block, precision) = (block(gaussians), Precision::BALANCED);
             let mut encoder = Encoder::new(&block).unwrap();
             let bytes = encoder.encode(&precision);
-            assert!(encoder.settle(&precision, &decode_block(&bytes, "a test").unwrap()).unwrap());
+            encoder.settle(&precision, &decode_block(&bytes, "a test").unwrap()).unwrap();
             let responses = vec![0.1; gaussians];
             encoder
                 .balance_counts(&precision, &CountBalance { responses: &responses, wanted: &[0.0], within: 1e-4 })

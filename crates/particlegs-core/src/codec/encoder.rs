@@ -11,10 +11,10 @@ use super::rans::RansWriter;
 use super::shape::Logs;
 use super::source::{SegmentSource, SegmentTree};
 use super::streams::{self, STAGES};
-use super::tree::{Tree, pieces, trunk};
+use super::tree::{Tree, TreeCell, pieces, trunk};
 use super::trellis::{PlacementTarget, TrellisSample, TrellisState, quantise, quantise_places};
 use crate::math::{Sym3, each_axis, exp};
-use crate::model::{AlphaBlend, Block};
+use crate::model::{AlphaBlend, Block, Mixture};
 use crate::space::Bounds;
 use crate::{Error, Result, parallel};
 use std::ops::Range;
@@ -63,17 +63,7 @@ impl Encoder {
         let tree = Tree::build(&g.mean, &bounds);
         let logs = Logs::new(block, &tree.order);
         let extent = bounds.extent();
-        let within = each_axis(|k| {
-            parallel::map_range(tree.order.len(), |at| {
-                let (i, cell) = (tree.order[at], &tree.cells[at]);
-                // A flat axis has one level, and all places lie in its middle.
-                if extent[k] == 0.0 {
-                    return 0.5;
-                }
-                let u = (g.mean[k][i as usize] - bounds.min[k]) / extent[k];
-                (u * (1u64 << cell.depth[k]) as f64 - cell.index[k] as f64).clamp(0.0, 1.0)
-            })
-        });
+        let within = within_cells(g, &bounds, &tree.order, &tree.cells);
         let segments = parallel::map(tree.segments.iter().zip(ranges(&tree)), |(segment, range)| {
             SegmentTree::new(&segment.nodes, &tree.cells[range], extent)
         });
@@ -202,12 +192,15 @@ impl Encoder {
     }
 
     /// Takes note of what was decoded of the bytes at a precision: from now on only Gaussians whose counts get other codes
-    /// are rounded anew. `false` where the decoded ones are in another order.
-    pub fn settle(&mut self, precision: &Precision, decoded: &Block) -> Result<bool> {
-        let coded = Encoder::new(decoded)?;
-        if !coded.tree.order.iter().zip(0..).all(|(order, at)| *order == at) || coded.len() != self.len() {
-            return Ok(false);
+    /// are rounded anew.
+    pub fn settle(&mut self, precision: &Precision, decoded: &Block) -> Result<()> {
+        if decoded.gaussians.len() != self.len() {
+            return Err(Error::argument("the decoded block is another one"));
         }
+        // Decoded Gaussians are in the order of the file, each in its cell.
+        let order: Vec<u32> = (0..self.len() as u32).collect();
+        let shape = Logs::new(decoded, &order).shape;
+        let within = within_cells(&decoded.gaussians, &self.bounds, &order, &self.tree.cells);
         let (counts, centre) = match (self.counts.take(), &self.settled) {
             (Some(counts), Some(settled)) => (counts, settled.centre),
             _ => {
@@ -215,11 +208,9 @@ impl Encoder {
                 (leaves.iter().map(|leaf| leaf.m).collect(), header.centre)
             }
         };
-        let settled =
-            SettledGaussians { counts: counts.clone(), centre, shape: coded.logs.shape, within: coded.within };
-        self.settled = Some(settled);
+        self.settled = Some(SettledGaussians { counts: counts.clone(), centre, shape, within });
         self.counts = Some(counts);
-        Ok(true)
+        Ok(())
     }
 
     /// Moves the codes of counts that are settled until sums over the Gaussians change as wanted, by those moves that fit
@@ -382,6 +373,22 @@ fn residuals(left: impl Iterator<Item = i32> + Clone) -> (u8, f64) {
 
 /// The box that means are coded in: the particles' bounds, which hold the means of their moments.
 /// Splats are placed by pictures alone and may leave it, so theirs grows to hold them.
+/// Places of Gaussians within their leaves' cells, each in 0 to 1.
+fn within_cells(g: &Mixture, bounds: &Bounds, order: &[u32], cells: &[TreeCell]) -> [Vec<f64>; 3] {
+    let extent = bounds.extent();
+    each_axis(|k| {
+        parallel::map_range(order.len(), |at| {
+            let (i, cell) = (order[at] as usize, &cells[at]);
+            // A flat axis has one level, and all places lie in its middle.
+            if extent[k] == 0.0 {
+                return 0.5;
+            }
+            let u = (g.mean[k][i] - bounds.min[k]) / extent[k];
+            (u * (1u64 << cell.depth[k]) as f64 - cell.index[k] as f64).clamp(0.0, 1.0)
+        })
+    })
+}
+
 fn box_of(block: &Block) -> Result<Bounds> {
     let g = &block.gaussians;
     let mut bounds = block.bounds;
