@@ -808,7 +808,7 @@ def _rows(model: Model) -> Iterator[tuple[str, str]]:
     words: dict[str, list[str]] = {}
     for finding in model.findings:
         words.setdefault(finding["word"], []).append(finding["use"].replace("_", " "))
-    for word in ("holds", "roughly", "does not", "not measured"):
+    for word in ("holds", "roughly", "does not", "cannot tell", "not measured"):
         if word in words:
             yield word, ", ".join(words[word])
 

@@ -26,8 +26,8 @@ pub const DENSITY_HOLDS: f64 = 0.99;
 pub const DENSITY_ROUGHLY: f64 = 0.9;
 /// The share of the better trivial density's error that [`DENSITY_HOLDS`] allows.
 pub const DENSITY_ERROR_HOLDS: f64 = 0.5;
-/// The power spectrum holds where it is within 1 % up to this share of the wave numbers measured, and
-/// roughly where it is within 5 %.
+/// The power spectrum holds where it is within 1 % and r(k) at least 0.99 up to this share of the wave numbers measured,
+/// and roughly where they are within 5 % and at least 0.9.
 pub const SPECTRUM_SHARE: f64 = 0.25;
 /// Groups hold where their numbers are within 10 % from this size on, particles.
 pub const GROUPS_HOLD: f64 = 100.0;
@@ -41,6 +41,8 @@ pub const MATCHED_ROUGHLY: f64 = 0.8;
 pub const NUMBERS_HOLD: f64 = 0.1;
 /// Numbers of matched groups hold roughly within this share.
 pub const NUMBERS_ROUGHLY: f64 = 0.25;
+/// Groups that are needed to judge them: of fewer, numbers scatter by more than [`NUMBERS_HOLD`].
+pub const FEWEST_MATCHED: u64 = 100;
 /// The spacing of drawn particles holds where the median distance to the nearest neighbour is within this share, and
 /// the 5th percentile over the median as near.
 pub const SPACING_HOLDS: f64 = 0.1;
@@ -92,6 +94,9 @@ particlegs_core::named_values! {
         /// Do not.
         #[serde(rename = "does not")]
         DoesNot = "does not",
+        /// The figures are good, but of too few objects to tell.
+        #[serde(rename = "cannot tell")]
+        CannotTell = "cannot tell",
         /// Nobody has measured again what a file says.
         #[serde(rename = "not verified")]
         NotVerified = "not verified",
@@ -288,34 +293,47 @@ fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Finding {
     }
 }
 
-/// Judged by models of halves of the particles where they were fitted, else by the particles that the file was
-/// fitted to.
+/// Judged by the file's own power and phases, and by models of halves of the particles where they were fitted: by what is
+/// worse. Power that was coded to be right is no evidence of the phases.
 fn spectrum(c: &Certificate, metadata: &Metadata) -> Finding {
     if !metadata.cell.as_ref().is_some_and(|cell| cell.periodic.contains(&true)) {
         return (Grade::NotApplicable, "the particles have no periodic box".into());
     }
-    let (k_max, one, five, origin) = match (&c.held_out, &c.science) {
-        (Some(h), _) => {
-            (h.k_max, Limit::measured(h.within(0.01)), Limit::measured(h.within(0.05)), ", with half the particles")
-        }
-        (None, Some(s)) if s.power_within_5_percent_to != Limit::NotMeasured => {
-            (s.k_max, s.power_within_1_percent_to, s.power_within_5_percent_to, "")
-        }
-        _ => return (Grade::NotMeasured, "there are too few particles".into()),
+    let science = c.science.filter(|s| s.power_within_5_percent_to != Limit::NotMeasured);
+    let of_file = science.map(|s| (s.k_max, [s.power_within_1_percent_to, s.power_within_5_percent_to]));
+    let of_halves = c.held_out.map(|h| (h.k_max, [0.01, 0.05].map(|share| Limit::measured(h.within(share)))));
+    let origin = match (&of_file, &of_halves) {
+        (Some(_), Some(_)) => ", with half the particles too",
+        (None, Some(_)) => ", with half the particles",
+        _ => "",
+    };
+    let measured = of_file.into_iter().chain(of_halves);
+    let Some((k_max, [one, five])) =
+        measured.reduce(|(k, power), (other_k, other)| (k.min(other_k), [0, 1].map(|i| power[i].least(other[i]))))
+    else {
+        return (Grade::NotMeasured, "there are too few particles".into());
     };
     let unit = metadata.units.length_text().map_or_else(|| "1/length".into(), per_length);
     let reaches = |limit: Limit| limit.place().is_some_and(|k| k >= SPECTRUM_SHARE * k_max);
     let within = |percent: u32, limit: Limit| match limit {
-        Limit::At(k) => format!("within {percent} % up to k = {} {unit}", wavenumber(k)),
+        Limit::At(k) => format!("within {percent} % up to k = {} {unit}", wavenumber(k.min(k_max))),
         Limit::Never => format!("not within {percent} % at any k"),
         Limit::NotMeasured => format!("within {percent} %: not measured"),
     };
-    let word = graded(reaches(one), reaches(five));
-    let why = match word {
+    let phases = science.map(|s| [s.r_above_0_99_to, s.r_above_0_9_to]).filter(|r| r[1] != Limit::NotMeasured);
+    let phases_reach = |i: usize| phases.is_none_or(|limits| reaches(limits[i]));
+    let word = graded(reaches(one) && phases_reach(0), reaches(five) && phases_reach(1));
+    let power = match word {
         Grade::Holds => within(1, one),
         _ => format!("{}, {}", within(5, five), within(1, one)),
     };
-    (word, format!("{why}; measured up to k = {}{origin}", wavenumber(k_max)))
+    let phases = match phases {
+        Some([Limit::At(k), _]) => format!(", r(k) above 0.99 up to {}", wavenumber(k)),
+        Some([_, Limit::At(k)]) => format!(", r(k) above 0.9 up to {}, not above 0.99 at any k", wavenumber(k)),
+        Some(_) => ", r(k) not above 0.9 at any k".into(),
+        None => String::new(),
+    };
+    (word, format!("{power}{phases}; measured up to k = {}{origin}", wavenumber(k_max)))
 }
 
 /// In three digits that are not zeros, whatever the unit.
@@ -336,9 +354,15 @@ fn matched_groups(classes: &[GroupClass; GROUP_CLASSES.len()]) -> Finding {
         return (Grade::NotMeasured, format!("there are no groups of {size} particles or more"));
     };
     let hold = classes.iter().rev().take_while(|c| good(c, MATCHED_HOLD, NUMBERS_HOLD)).count();
+    let few = |groups: u64| format!("{groups} groups are too few to tell");
     if hold > 0 {
-        let from = GROUP_CLASSES[GROUP_CLASSES.len() - hold];
-        return (Grade::Holds, format!("positions and numbers match for groups of {from} particles or more"));
+        let judged = &classes[GROUP_CLASSES.len() - hold..];
+        let (from, groups) = (GROUP_CLASSES[GROUP_CLASSES.len() - hold], judged.iter().map(|c| c.groups).sum());
+        let why = format!("positions and numbers match for groups of {from} particles or more");
+        return match groups {
+            0..FEWEST_MATCHED => (Grade::CannotTell, format!("{why}, but {}", few(groups))),
+            _ => (Grade::Holds, why),
+        };
     }
     let why = format!(
         "{:.0} % of groups of {size} particles or more have a counterpart; {:.0} % of drawn groups do; number {:+.0} %",
@@ -346,6 +370,9 @@ fn matched_groups(classes: &[GroupClass; GROUP_CLASSES.len()]) -> Finding {
         100.0 * largest.purity.unwrap_or(0.0),
         100.0 * (number - 1.0)
     );
+    if largest.groups < FEWEST_MATCHED {
+        return (Grade::CannotTell, format!("{}; {why}", few(largest.groups)));
+    }
     (graded(false, good(largest, MATCHED_ROUGHLY, NUMBERS_ROUGHLY)), why)
 }
 
@@ -398,7 +425,11 @@ fn field(q: &Quantity, f: &FieldAgreement, unit: Option<&str>) -> Finding {
         );
     };
     let of_field = q.unit.as_ref().map_or(String::new(), |u| format!(" {}", u.text));
-    let explains = if explained > 0.0 { format!("{:.1} %", 100.0 * explained) } else { "none".into() };
+    let explains = match 100.0 * explained {
+        v if v > 99.95 => "more than 99.9 %".into(),
+        v if v > 0.0 => format!("{v:.1} %"),
+        _ => "none".into(),
+    };
     let why = format!(
         "{name}: explains {explains} of the variance of means in cells of {}{}; RMS error {}{of_field} of {}{of_field}, of particles that \
          the field was not gathered from",
@@ -566,6 +597,7 @@ mod tests {
         assert_eq!(densities([cell(1.0, 0.1, 1.0), cell(2.0, 0.2, 1.0), cell(4.0, 0.95, 0.6)]).word, Grade::Roughly);
         assert_eq!(densities([cell(1.0, 0.1, 1.0), cell(2.0, 0.2, 1.0), cell(4.0, 0.3, 0.9)]).word, Grade::DoesNot);
         let class = |share, number| GroupClass {
+            groups: 120,
             number: Some(number),
             completeness: Some(share),
             purity: Some(share),
@@ -576,6 +608,11 @@ mod tests {
         assert_eq!(groups([class(0.95, 1.0), class(0.95, 1.0), class(0.85, 1.2)]), Grade::Roughly);
         // Equal numbers are not equal groups.
         assert_eq!(groups([class(0.2, 1.0); 3]), Grade::DoesNot);
+        // Few groups tell nothing, unless those of smaller ones match too.
+        let few = |share, number| GroupClass { groups: 44, ..class(share, number) };
+        assert_eq!(groups([class(0.2, 1.0), class(0.2, 1.0), few(0.95, 1.0)]), Grade::CannotTell);
+        assert_eq!(groups([few(0.2, 1.0), few(0.2, 1.0), few(0.5, 1.3)]), Grade::CannotTell);
+        assert_eq!(groups([class(0.2, 1.0), class(0.95, 1.0), few(0.95, 1.0)]), Grade::Holds);
         let spacing = |drawn_median, drawn_regularity| {
             let s = Spacing { median: 1.0, drawn_median, drawn_regularity, ..Spacing::default() };
             word(&Certificate { spacing: Some(s), ..c }, UseCase::Spacing)
@@ -588,7 +625,27 @@ mod tests {
         transfer[6].deviation = Some(-0.2);
         let held_out = CrossValidation { k_max: 8.0, transfer, ..CrossValidation::default() };
         let halves = Certificate { held_out: Some(held_out), ..c };
-        assert!(finding(&halves, UseCase::PowerSpectrum).why.contains("1 % up to k = 6.000"));
+        let alone = finding(&Certificate { science: None, ..halves }, UseCase::PowerSpectrum);
+        assert!(alone.why.contains("1 % up to k = 6.000 1/length; measured up to k = 8.000, with half"), "{}", alone.why);
+        // More measurement gives no better word than the file's own figures.
+        let own = |one, r| {
+            let (five, r_above_0_9_to) = (Limit::At(8.0), Limit::At(8.0));
+            let science = ScienceMetrics {
+                k_max: 8.0,
+                power_within_1_percent_to: one,
+                power_within_5_percent_to: five,
+                r_above_0_99_to: r,
+                r_above_0_9_to,
+                ..c.science.unwrap()
+            };
+            let science = Some(science);
+            [Certificate { science, ..halves }, Certificate { science, held_out: None, ..c }]
+                .map(|c| word(&c, UseCase::PowerSpectrum))
+        };
+        assert_eq!(own(Limit::At(7.0), Limit::At(7.0)), [Grade::Holds; 2]);
+        assert_eq!(own(Limit::At(1.0), Limit::At(7.0)), [Grade::Roughly; 2]);
+        // Nor does power that was coded to be right say anything of the phases.
+        assert_eq!(own(Limit::At(7.0), Limit::At(1.0)), [Grade::Roughly; 2]);
         let open = Metadata { cell: None, ..boxed() };
         let verdict = Assessment::verdict(Some(&c), &open);
         assert_eq!(verdict.iter().find(|f| f.of == UseCase::PowerSpectrum).unwrap().word, Grade::NotApplicable);
