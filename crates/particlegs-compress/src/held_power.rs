@@ -13,6 +13,8 @@ use particlegs_particles::{Domain, Particles};
 const ROUNDS: usize = 5;
 /// Balances of the counts for each coding at most: the power is not in proportion to them.
 const BALANCES: usize = 6;
+/// Of so many Gaussians one may be moved before the responses are taken anew.
+const MOVED: usize = 50;
 /// Largest deviation that is left as it is.
 const TOLERANCE: f64 = 5e-4;
 /// Share of a deviation that a coding leaves of itself: the rounding of what is moved makes as much.
@@ -24,7 +26,7 @@ const MOST_GAUSSIANS: usize = 1_000_000;
 
 /// Bytes of a size that are left for it: moved counts are a little further from what is predicted of them.
 pub(super) fn room(size: u64) -> u64 {
-    size / 800
+    size / 800 + 8
 }
 
 /// Codes Gaussians again, at the steps at which they are coded and in at most `size` bytes, with the power of the
@@ -44,7 +46,7 @@ pub(super) fn hold_power(
     let precision = Precision::BALANCED.scaled(coded.step_factor);
     let mut bytes = coded.bytes.clone();
     let mut least = f64::INFINITY;
-    let (mut deviation, mut responses) = (None, Vec::new());
+    let (mut deviation, mut responses, mut moved) = (None, Vec::new(), 0);
     for round in 0..=ROUNDS {
         context.check()?;
         let block = decode_block(&bytes, "a block")?;
@@ -57,16 +59,16 @@ pub(super) fn hold_power(
             break;
         }
         encoder.settle(&precision, &block)?;
-        // Those of the few that are moved change by per cents.
-        if responses.is_empty() {
-            responses = target.responses(&reached, &block.gaussians, context)?;
-        }
         let within = (LEFT * largest).max(0.5 * TOLERANCE);
         let (mut gaussians, mut balanced) = (block.gaussians, reached);
         for _ in 0..BALANCES {
+            if responses.is_empty() || moved > gaussians.len() / MOVED {
+                (responses, moved) = (target.responses(&balanced, &gaussians, context)?, 0);
+            }
             let wanted: Vec<f64> = balanced.of_shell.iter().map(|d| -d).collect();
             let balance = CountBalance { responses: &responses, wanted: &wanted, within };
             let factors = encoder.balance_counts(&precision, &balance)?;
+            moved += factors.iter().filter(|factor| **factor != 1.0).count();
             let masses = gaussians.columns.get_mut(MASS).into_iter();
             for column in masses.chain([&mut gaussians.count]) {
                 column.iter_mut().zip(&factors).for_each(|(value, factor)| *value *= factor);

@@ -626,9 +626,13 @@ mod tests {
         let held_out = CrossValidation { k_max: 8.0, transfer, ..CrossValidation::default() };
         let halves = Certificate { held_out: Some(held_out), ..c };
         let alone = finding(&Certificate { science: None, ..halves }, UseCase::PowerSpectrum);
-        assert!(alone.why.contains("1 % up to k = 6.000 1/length; measured up to k = 8.000, with half"), "{}", alone.why);
+        assert!(
+            alone.why.contains("1 % up to k = 6.000 1/length; measured up to k = 8.000, with half"),
+            "{}",
+            alone.why
+        );
         // More measurement gives no better word than the file's own figures.
-        let own = |one, r| {
+        let words = |one, r| {
             let (five, r_above_0_9_to) = (Limit::At(8.0), Limit::At(8.0));
             let science = ScienceMetrics {
                 k_max: 8.0,
@@ -642,10 +646,10 @@ mod tests {
             [Certificate { science, ..halves }, Certificate { science, held_out: None, ..c }]
                 .map(|c| word(&c, UseCase::PowerSpectrum))
         };
-        assert_eq!(own(Limit::At(7.0), Limit::At(7.0)), [Grade::Holds; 2]);
-        assert_eq!(own(Limit::At(1.0), Limit::At(7.0)), [Grade::Roughly; 2]);
+        assert_eq!(words(Limit::At(7.0), Limit::At(7.0)), [Grade::Holds; 2]);
+        assert_eq!(words(Limit::At(1.0), Limit::At(7.0)), [Grade::Roughly; 2]);
         // Nor does power that was coded to be right say anything of the phases.
-        assert_eq!(own(Limit::At(7.0), Limit::At(1.0)), [Grade::Roughly; 2]);
+        assert_eq!(words(Limit::At(7.0), Limit::At(1.0)), [Grade::Roughly; 2]);
         let open = Metadata { cell: None, ..boxed() };
         let verdict = Assessment::verdict(Some(&c), &open);
         assert_eq!(verdict.iter().find(|f| f.of == UseCase::PowerSpectrum).unwrap().word, Grade::NotApplicable);
