@@ -26,7 +26,7 @@ const MOST_GAUSSIANS: usize = 1_000_000;
 
 /// Bytes of a size that are left for it: moved counts are a little further from what is predicted of them.
 pub(super) fn room(size: u64) -> u64 {
-    size / 800 + 8
+    size / 800
 }
 
 /// Codes Gaussians again, at the steps at which they are coded and in at most `size` bytes, with the power of the
