@@ -108,7 +108,7 @@ mod tests {
             .unwrap()
             .unwrap();
         let deviation = power.deviation(&mixture, None, &Context::SILENT).unwrap();
-        (deviation.of_shell.iter().fold(0.0, |a, d| a.max(d.abs())), compressed.bytes.len() as u64)
+        (largest_of(&deviation), compressed.bytes.len() as u64)
     }
 
     #[test]
