@@ -257,7 +257,7 @@ impl ParaviewScene<'_> {
     #[inline(always)]
     fn gather<S: Simd>(
         &self,
-        _simd: S,
+        simd: S,
         band: &PictureBand<'_>,
         (first_row, first): (usize, &[u64]),
         into: FragmentGather<'_>,
@@ -301,7 +301,7 @@ impl ParaviewScene<'_> {
             let planes = [quad.planes(0), quad.planes(1)];
             for_rows(&quad, first_row, rows, |row, [from, to]| {
                 shapes.resize(shapes.len().max(to - from + WIDE), 0.0);
-                quad.alphas(&planes, row as i32, [from as i32, to as i32], shapes);
+                quad.alphas(simd, &planes, row as i32, [from as i32, to as i32], shapes);
                 (from..to).zip(&*shapes).for_each(|(column, shape)| put(row, column, *shape));
             });
         }

@@ -3,6 +3,8 @@
 
 use super::project::NdcSplat;
 use particlegs_core::picture::Size;
+use fearless_simd::prelude::*;
+use fearless_simd::{Simd, f32x8, i32x8};
 use particlegs_core::splat::CUT_SIGMA;
 
 /// Vertices snap to 1/256 of a pixel.
@@ -160,7 +162,14 @@ impl Quad {
 
     /// Alphas of covered columns of a row, from `columns[0]` on, into `out`, which is longer by a block of [`WIDE`].
     #[inline(always)]
-    pub fn alphas(&self, planes: &[QuadPlanes; 2], row: i32, columns: [i32; 2], out: &mut [f32]) {
+    pub fn alphas<S: Simd>(
+        &self,
+        simd: S,
+        planes: &[QuadPlanes; 2],
+        row: i32,
+        columns: [i32; 2],
+        out: &mut [f32],
+    ) {
         let [a, b] = [self.corner[1], self.corner[2]];
         // From pixel to pixel the edge between the triangles changes by the same number.
         let (mut edge, step) = (cross(a, b, [columns[0] << 8, row << 8]), (i64::from(a[1]) - i64::from(b[1])) << 8);
@@ -175,9 +184,8 @@ impl Quad {
             let planes = &planes[usize::from(is_second)];
             for start in (from..to).step_by(WIDE) {
                 let at = (start - columns[0]) as usize;
-                // Whole blocks compile to vectors; what is beyond the end is written again, or not read.
-                let block: [f32; WIDE] = std::array::from_fn(|i| planes.gaussian(start + i as i32, row));
-                out[at..at + WIDE].copy_from_slice(&block);
+                // What is beyond the end is written again, or not read.
+                planes.gaussians(simd, start, row).store_slice(&mut out[at..at + WIDE]);
             }
             from = to;
         }
@@ -230,6 +238,23 @@ impl QuadPlanes {
         let (u, v) = (at(&self.u), at(&self.v));
         exp2(std::f32::consts::LOG2_E * (-0.5 * (u * u + v * v)))
     }
+
+    /// [`Self::gaussian`] of a row's pixels from `column` on, to the last bit.
+    #[inline(always)]
+    fn gaussians<S: Simd>(&self, simd: S, column: i32, row: i32) -> f32x8<S> {
+        let x = f32x8::from_slice(simd, &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]) + column as f32;
+        let y = f32x8::splat(simd, row as f32);
+        let (u, v) = (self.u.at_wide(simd, x, y), self.v.at_wide(simd, x, y));
+        exp2_wide(simd, std::f32::consts::LOG2_E * (-0.5 * (u * u + v * v)))
+    }
+}
+
+impl LinearPlane {
+    #[inline(always)]
+    fn at_wide<S: Simd>(&self, simd: S, x: f32x8<S>, y: f32x8<S>) -> f32x8<S> {
+        let along = fma_wide(simd, f32x8::splat(simd, self.dx), x, f32x8::splat(simd, self.at_origin));
+        fma_wide(simd, f32x8::splat(simd, self.dy), y, along)
+    }
 }
 
 /// A fused multiply-add by way of f64, the same on every machine.
@@ -238,11 +263,36 @@ fn fma(a: f32, b: f32, c: f32) -> f32 {
     (f64::from(a) * f64::from(b) + f64::from(c)) as f32
 }
 
+#[inline(always)]
+fn fma_wide<S: Simd>(simd: S, a: f32x8<S>, b: f32x8<S>, c: f32x8<S>) -> f32x8<S> {
+    // Functions, here and above, since closures are compiled without the vectors of their surroundings.
+    let ((a, a2), (b, b2), (c, c2)) = (simd.widen_f32x8(a), simd.widen_f32x8(b), simd.widen_f32x8(c));
+    simd.narrow_f64x4(a * b + c, a2 * b2 + c2)
+}
+
+/// Coefficients of 2^x in [0, 1).
+const C: [f32; 6] = [1.0, 0.693_153_1, 0.240_153_62, 0.055_826_318, 0.008_989_34, 0.001_877_576_7];
+const LEAST_EXPONENT: f32 = -126.99999;
+
+/// [`exp2`] of eight numbers.
+#[inline(always)]
+fn exp2_wide<S: Simd>(simd: S, x: f32x8<S>) -> f32x8<S> {
+    let x = x.max(LEAST_EXPONENT);
+    let floor = x.floor();
+    let f = x - floor;
+    let f2 = f * f;
+    let even = fma_wide(simd, f2, f32x8::splat(simd, C[4]), f32x8::splat(simd, C[2]));
+    let even = fma_wide(simd, f2, even, f32x8::splat(simd, C[0]));
+    let odd = fma_wide(simd, f2, f32x8::splat(simd, C[5]), f32x8::splat(simd, C[3]));
+    let odd = fma_wide(simd, f2, odd, f32x8::splat(simd, C[1]));
+    let scale: i32x8<S> = (simd.cvt_i32_f32x8(floor) + 127) << 23;
+    fma_wide(simd, odd, f, even) * scale.bitcast::<f32x8<S>>()
+}
+
 /// Mesa's 2^x for x <= 0: integer part by exponent, fraction by a quintic.
 #[inline(always)]
 fn exp2(x: f32) -> f32 {
-    const C: [f32; 6] = [1.0, 0.693_153_1, 0.240_153_62, 0.055_826_318, 0.008_989_34, 0.001_877_576_7];
-    let x = x.max(-126.99999);
+    let x = x.max(LEAST_EXPONENT);
     // `floor` without a call: the nearest whole number, and one less where that is above.
     let near = (x + ROUNDER) - ROUNDER;
     let floor = if near > x { near - 1.0 } else { near };
@@ -256,6 +306,7 @@ fn exp2(x: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fearless_simd::{Level, dispatch};
 
     /// Corners beyond all bounds, in opposite ones: products of their differences fit.
     #[test]
@@ -267,5 +318,20 @@ mod tests {
         let quad = Quad { corner, aligned: false, columns, rows, window };
         assert_eq!(quad.columns_of(3), [0, 8]);
         assert_eq!([[-1, 0], [0, 0], [7, 7]].map(|[x, y]| quad.triangle(x, y)), [0, 1, 1]);
+    }
+
+    #[test]
+    fn eight_pixels_at_once_are_as_one_by_one() {
+        let plane = |k: f32| LinearPlane { at_origin: -3.1 * k, dx: 0.071 * k, dy: -0.013 / k };
+        for scale in [0.01, 0.3, 1.0, 7.0, 500.0] {
+            let planes = QuadPlanes { u: plane(scale), v: plane(1.0 / scale) };
+            for (column, row) in [(0, 0), (37, 5), (1911, 1079), (16_000, 3)] {
+                let one_by_one: [f32; WIDE] = std::array::from_fn(|i| planes.gaussian(column + i as i32, row));
+                for level in [Level::new(), Level::baseline()] {
+                    let together = dispatch!(level, simd => <[f32; WIDE]>::from(planes.gaussians(simd, column, row)));
+                    assert_eq!(together.map(f32::to_bits), one_by_one.map(f32::to_bits), "{scale} {column} {row}");
+                }
+            }
+        }
     }
 }
