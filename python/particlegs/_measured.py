@@ -22,6 +22,10 @@ class Power:
         Power, unit of length cubed.
     ratio : numpy.ndarray, float64, shape (n,)
         `other` / `truth`.
+    ratio_error : numpy.ndarray, float64, shape (n,)
+        Standard error of `ratio` from one box of this size to another.
+    sample_error : numpy.ndarray, float64, shape (n,)
+        Relative standard error of `truth` from box to box, sqrt(2 / modes): cosmic variance.
     r : numpy.ndarray, float64, shape (n,)
         Correlation of the phases, at most 1.
     shot_noise : tuple of float
@@ -33,6 +37,8 @@ class Power:
     truth: Float64
     other: Float64
     ratio: Float64
+    ratio_error: Float64
+    sample_error: Float64
     r: Float64
     shot_noise: tuple[float, float]
 

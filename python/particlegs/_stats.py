@@ -74,7 +74,7 @@ class Stats:
 
     @property
     def power(self) -> Union[Power, Any]:
-        """Power spectra: ``k``, ``truth``, ``other``, ``ratio``, ``r``, ``modes`` as arrays; None if not measured.
+        """Power spectra: ``k``, ``truth``, ``other``, ``ratio``, its error, ``r``, ``modes``; None if not measured.
 
         `k` is in 1 / unit of length, power in unit of length cubed. Shot noise is subtracted.
         """
@@ -89,6 +89,8 @@ class Stats:
             truth=power[:, 0],
             other=power[:, 1],
             ratio=_numbers(s["ratio"] for s in shells),
+            ratio_error=_numbers(s["ratio_error"] for s in shells),
+            sample_error=_numbers(s["sample_error"] for s in shells),
             r=_numbers(s["r"] for s in shells),
             shot_noise=(float(spectra["shot_noise"][0]), float(spectra["shot_noise"][1])),
         )

@@ -2,9 +2,9 @@
 //! llvmpipe rasterises and interpolates (docs/law/splat.md, "Coverage").
 
 use super::project::NdcSplat;
-use particlegs_core::picture::Size;
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, f32x8, i32x8};
+use particlegs_core::picture::Size;
 use particlegs_core::splat::CUT_SIGMA;
 
 /// Vertices snap to 1/256 of a pixel.
@@ -162,14 +162,7 @@ impl Quad {
 
     /// Alphas of covered columns of a row, from `columns[0]` on, into `out`, which is longer by a block of [`WIDE`].
     #[inline(always)]
-    pub fn alphas<S: Simd>(
-        &self,
-        simd: S,
-        planes: &[QuadPlanes; 2],
-        row: i32,
-        columns: [i32; 2],
-        out: &mut [f32],
-    ) {
+    pub fn alphas<S: Simd>(&self, simd: S, planes: &[QuadPlanes; 2], row: i32, columns: [i32; 2], out: &mut [f32]) {
         let [a, b] = [self.corner[1], self.corner[2]];
         // From pixel to pixel the edge between the triangles changes by the same number.
         let (mut edge, step) = (cross(a, b, [columns[0] << 8, row << 8]), (i64::from(a[1]) - i64::from(b[1])) << 8);

@@ -15,6 +15,7 @@ use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
 use particlegs_core::model::decimals;
 use particlegs_core::{Result, parallel};
+use particlegs_figure::Point;
 use realfft::num_complex::Complex64;
 use std::f64::consts::PI;
 
@@ -50,6 +51,11 @@ pub struct Shell {
     pub cross: f64,
     /// Power of the second over the first.
     pub ratio: Option<f64>,
+    /// Standard error of the ratio from one box of this size to another; none of a momentum's, whose components are not
+    /// independent.
+    pub ratio_error: Option<f64>,
+    /// Relative standard error of either power from box to box: sqrt(2 / modes) of a Gaussian field.
+    pub sample_error: f64,
     /// Correlation coefficient of the fields as they are, noise included: at most 1.
     pub r: Option<f64>,
     /// The same with the shot noise subtracted from both powers.
@@ -237,6 +243,8 @@ pub(super) struct ShellSums {
     count: Vec<u64>,
     /// Wave number, weight, and weighted powers of the first field, the second and both.
     terms: Vec<[f64; 5]>,
+    /// Whether the powers are of one field each, not sums over components.
+    is_scalar: bool,
 }
 
 impl ShellSums {
@@ -250,7 +258,7 @@ impl ShellSums {
     ) -> Result<Self> {
         let width = 2.0 * PI / domain.longest();
         let bins = ((k_max / width + 0.5).floor() as usize).max(1);
-        let zero = ShellSums { width, count: vec![0; bins], terms: vec![[0.0; 5]; bins] };
+        let zero = ShellSums { width, count: vec![0; bins], terms: vec![[0.0; 5]; bins], is_scalar: true };
         let [a, b] = &pair.modes;
         let planes = parallel::try_map_range(2 * a.most[0] + 1, |i| {
             let mut sums = zero.clone();
@@ -281,6 +289,7 @@ impl ShellSums {
     /// Adds weights and powers of other fields on the same modes.
     pub fn add_power(&mut self, other: &ShellSums) {
         self.terms.iter_mut().zip(&other.terms).for_each(|(a, b)| (1..5).for_each(|t| a[t] += b[t]));
+        self.is_scalar = false;
     }
 
     /// Those shells that have modes: edges, number of modes, and means of the terms over them.
@@ -304,6 +313,13 @@ pub(super) fn spectra(
     Ok(spectra_of_sums(&sums, pair.shot_noise, &pair.grid, domain, o))
 }
 
+/// Relative error of the ratio of two powers in that of one, of Gaussian fields that share modes: their noise is in the
+/// `raw` powers and not in `power`. Without noise it is sqrt(2 (1 - r^2)).
+fn paired_error(raw: [f64; 2], power: [f64; 2], cross: f64) -> f64 {
+    let [a, b] = [0, 1].map(|s| raw[s] / power[s]);
+    (a * a + b * b - 2.0 * cross * cross / (power[0] * power[1])).max(0.0).sqrt()
+}
+
 /// The same of sums over modes.
 pub(super) fn spectra_of_sums(
     sums: &ShellSums,
@@ -320,6 +336,12 @@ pub(super) fn spectra_of_sums(
             // Coherence without noise is given whatever the options: these decide on the power alone.
             let clean: [f64; 2] = std::array::from_fn(|s| raw[s] - shot_noise[s]);
             let power: [f64; 2] = std::array::from_fn(|s| raw[s] - noise[s]);
+            let ratio = (power[0] > 0.0).then(|| power[1] / power[0]);
+            let sample_error = (2.0 / modes as f64).sqrt();
+            let ratio_error = ratio.filter(|_| sums.is_scalar).and_then(|ratio| {
+                let of_ratio = (power[1] > 0.0).then(|| paired_error(raw, power, cross))?;
+                Some(ratio * sample_error * of_ratio)
+            });
             let over = |p: [f64; 2]| (p[0] > 0.0 && p[1] > 0.0).then(|| cross / (p[0].sqrt() * p[1].sqrt()));
             Shell {
                 edges,
@@ -327,7 +349,9 @@ pub(super) fn spectra_of_sums(
                 modes,
                 power,
                 cross,
-                ratio: (power[0] > 0.0).then(|| power[1] / power[0]),
+                ratio,
+                ratio_error,
+                sample_error,
                 r: over(raw),
                 r_without_noise: over(clean),
             }
@@ -500,7 +524,11 @@ pub(super) fn show(p: &Spectra, convention: Convention, to: &mut Presentation) {
     ];
     let mut coherence = chart("coherence", "Cross-correlation coefficient", [k, even("r(k)")], curves, Vec::new());
     coherence[0].levels = [1.0, 0.99, 0.9].map(|level| (String::new(), level)).into();
-    to.plot(chart("power", &title, power, pair([power_of(0), power_of(1)]), points_of(|h| h.ratio)));
+    let mut power = chart("power", &title, power, pair([power_of(0), power_of(1)]), points_of(|h| h.ratio));
+    if let [_, ratios] = &mut power[..] {
+        add_errors(&mut ratios.series[0].points, &p.shells);
+    }
+    to.plot(power);
     to.plot(coherence);
     let ([x, y, z], wave) = (p.cells, to.wave.clone());
     let last = p.shells.last().map_or(0.0, |h| h.k);
@@ -513,14 +541,23 @@ pub(super) fn show(p: &Spectra, convention: Convention, to: &mut Presentation) {
     to.line("r(k): at least 0.99, 0.9 up to k", format!("{high}, {low}{wave}"));
 }
 
+/// Gives the ratios of shells their errors; a ratio that stands at the plot's edge has none.
+fn add_errors(points: &mut [Point], shells: &[Shell]) {
+    for point in points {
+        let shell = shells.iter().find(|h| h.k == point.x && h.ratio == Some(point.y));
+        point.range = shell.and_then(|h| h.ratio_error).map(|e| [point.y - e, point.y + e]);
+    }
+}
+
 impl Presentation {
     pub fn spectra_table(&mut self, name: &'static str, spectra: &Spectra) {
         let row = |h: &Shell| {
-            let ([low, high], [a, b], [ratio, r, without_noise]) =
-                (h.edges, h.power, [h.ratio, h.r, h.r_without_noise].map(maybe));
-            row![low, high, h.k, h.modes, a, b, h.cross, ratio, r, without_noise]
+            let ([low, high], [a, b], [ratio, error, r, without_noise]) =
+                (h.edges, h.power, [h.ratio, h.ratio_error, h.r, h.r_without_noise].map(maybe));
+            row![low, high, h.k, h.modes, a, b, h.cross, ratio, error, h.sample_error, r, without_noise]
         };
-        let head = "k_low,k_high,k,modes,power_truth,power_other,cross,ratio,r,r_without_noise";
+        let head =
+            "k_low,k_high,k,modes,power_truth,power_other,cross,ratio,ratio_error,sample_error,r,r_without_noise";
         self.table(name, head, spectra.shells.iter().map(row));
     }
 }
@@ -537,6 +574,35 @@ fn limit_text(limit: Option<f64>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use particlegs_core::math::Random;
+
+    #[test]
+    fn ratios_of_powers_scatter_by_their_stated_error() {
+        const TRIALS: usize = 1000;
+        const MODES: usize = 500;
+        // A common field of power 1, the second also with a part of its own, and noise that is subtracted from the first.
+        for [part, noise] in [[0.1f64, 0.0], [0.3, 0.2], [0.0, 1.0]] {
+            let (mut ratios, mut stated) = (Vec::new(), 0.0);
+            for trial in 0..TRIALS {
+                let mut r = Random::new(5, 0, trial as u64);
+                let mut sums = [0.0; 3];
+                // Real and imaginary parts of the independent half.
+                for _ in 0..MODES {
+                    let shared = r.normal();
+                    let (a, b) = (shared + noise.sqrt() * r.normal(), shared + part.sqrt() * r.normal());
+                    [a * a, b * b, a * b].into_iter().zip(&mut sums).for_each(|(v, sum)| *sum += v / MODES as f64);
+                }
+                let [aa, bb, ab] = sums;
+                let power = [aa - noise, bb];
+                ratios.push(power[1] / power[0]);
+                stated += power[1] / power[0] * (2.0 / MODES as f64).sqrt() * paired_error([aa, bb], power, ab);
+            }
+            let mean = ratios.iter().sum::<f64>() / TRIALS as f64;
+            let scatter = (ratios.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / TRIALS as f64).sqrt();
+            let error = stated / TRIALS as f64;
+            assert!((error / scatter - 1.0).abs() < 0.12, "{part} {noise}: {error} for {scatter}");
+        }
+    }
 
     #[test]
     fn shells_without_power_are_not_judged() {
@@ -547,6 +613,8 @@ mod tests {
             power: [truth, other],
             cross: 0.0,
             ratio: Some(other / truth),
+            ratio_error: None,
+            sample_error: 0.1,
             r: Some(if truth > 1.0 { 0.999 } else { 0.2 }),
             r_without_noise: None,
         };
