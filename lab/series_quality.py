@@ -3,7 +3,7 @@
 Needs numpy, scipy and h5py. Snapshots are Gadget HDF5 of one species in a cubic periodic box.
 
   lab/series_quality.py equal particlegs RUN.pgs SNAPSHOTS FRAME ...     SNAPSHOTS: a name such as snap_%03d.hdf5
-  lab/series_quality.py jumps STATS INTERVAL                            what `stats RUN.pgs -o STATS` wrote
+  lab/series_quality.py jumps particlegs RUN.pgs SNAPSHOTS KEYFRAME ...  from three frames before to two after each
 """
 
 import csv
@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 
 RATIOS = (300, 330, 365)
 SAMPLE = 40_000
+LEAST = (20, 100, 1000)
 BANDS = ((0, 0.5), (0.5, 1), (1, 2), (2, 4), (4, 8))
 
 
@@ -89,24 +90,32 @@ def rows(path):
     return list(csv.DictReader(line for line in path.read_text().splitlines() if not line.startswith("#")))
 
 
-def jumps(stats, interval):
-    """Changes across keyframes over those of the frames about them."""
-    power, frames = rows(Path(stats) / "power_frames.csv"), rows(Path(stats) / "frames.csv")
-    last, interval = len(frames) - 1, int(interval)
-    by_frame = [[r for r in power if int(r["frame"]) == frame] for frame in range(last + 1)]
-    k = np.array([float(r["k"]) for r in by_frame[0]])
-    values = np.log(np.abs([[float(r["power"]) for r in own] for own in by_frame]))
-    for key in range(interval, last + 1, interval):
-        for low, high in BANDS:
-            change = np.abs(np.diff(values, axis=0))[:, (k >= low) & (k < high)].mean(1)
-            usual = change[[key - 3, key - 2, key, key + 1]].mean()
-            print(f"keyframe {key}, k {low} to {high}: {change[key - 1] / usual:.2f}")
-        for least in (20, 100, 1000):
-            number = np.array([float(r[f"groups_{least}"] or 0) for r in frames])
-            with np.errstate(divide="ignore", invalid="ignore"):
-                change = np.abs(np.diff(np.log(number)))
-            ratio = change[key - 1] / change[[key - 4, key - 3, key - 2, key, key + 1, key + 2]].mean()
-            print(f"keyframe {key}, groups of {least}: {number[key - 1]:.0f}, {number[key]:.0f}, {ratio:.1f}")
+def over_truth(program, series, snapshot, frame, work):
+    """P(k) of a frame, and numbers of groups of particles drawn from it, over those of its particles."""
+    out, drawn = work / str(frame), work / f"{frame}.hdf5"
+    run(program, "stats", snapshot, series, "--frame", frame, "-o", out / "power", "--only", "spectrum", "--no-plots")
+    run(program, "recover", series, "--frame", frame, "-o", drawn)
+    run(program, "stats", snapshot, drawn, "-o", out / "groups", "--only", "groups", "--no-plots")
+    shells, groups = rows(out / "power" / "power.csv"), rows(out / "groups" / "groups.csv")
+    power = np.array([[float(r["k"]), float(r["ratio"])] for r in shells if r["ratio"]])
+    number = [[sum(float(r[f"groups_{side}"]) for r in groups if float(r["from"]) >= least) for side in ("truth", "other")]
+              for least in LEAST]
+    bands = [power[(power[:, 0] >= low) & (power[:, 0] < high), 1].mean() for low, high in BANDS]
+    return np.array([*bands, *(other / truth if truth else np.nan for truth, other in number)])
+
+
+def jumps(program, series, snapshots, *keyframes):
+    """Changes from frame to frame of what a series has over its particles, in %: what grows in both is no change."""
+    names = [f"k {low} to {high}" for low, high in BANDS] + [f"groups of {least}" for least in LEAST]
+    print("| keyframe | | at the frame before | at it | change | usual change |\n|---|---|---|---|---|---|")
+    with tempfile.TemporaryDirectory() as work:
+        for key in map(int, keyframes):
+            frames = range(key - 3, key + 3)
+            ratios = np.array([over_truth(program, series, snapshots % f, f, Path(work)) for f in frames])
+            changes = 100 * np.abs(np.diff(np.log(ratios), axis=0))
+            usual = np.delete(changes, 2, axis=0).mean(0)
+            for name, (previous, at), change, other in zip(names, ratios[2:4].T, changes[2], usual, strict=True):
+                print(f"| {key} | {name} | {previous:.4f} | {at:.4f} | {change:.2f} % | {other:.2f} % |", flush=True)
 
 
 if __name__ == "__main__":
