@@ -4,7 +4,7 @@ use super::size::CodedGaussians;
 use particlegs_core::Result;
 use particlegs_core::codec::{CountBalance, Encoder, MOST_SUMS, Precision, decode_block};
 use particlegs_core::context::Context;
-use particlegs_core::model::MASS;
+use particlegs_core::model::{Block, MASS, Mixture};
 use particlegs_measure::stats::{PowerDeviation, PowerTarget};
 use particlegs_particles::{Domain, Particles};
 
@@ -20,7 +20,9 @@ const TOLERANCE: f64 = 5e-4;
 /// Share of a deviation that a coding leaves of itself: the rounding of what is moved makes as much.
 const LEFT: f64 = 0.1;
 /// Gaussians for each shell, at least: fewer have no counts to spare.
-const GAUSSIANS_A_SHELL: usize = 20;
+pub(super) const GAUSSIANS_A_SHELL: usize = 20;
+/// The same of changes, whose counts go by steps that are as large: moving as many would move haloes.
+pub(super) const CHANGED_GAUSSIANS_A_SHELL: usize = 40;
 /// Gaussians at most: more average what rounding does to each.
 const MOST_GAUSSIANS: usize = 1_000_000;
 
@@ -29,45 +31,83 @@ pub(super) fn room(size: u64) -> u64 {
     size / 800
 }
 
-/// Codes Gaussians again, at the steps at which they are coded and in at most `size` bytes, with the power of the
-/// particles in the box of the snapshot; leaves them as they are where there is no power to be held.
-pub(super) fn hold_power(
-    encoder: &mut Encoder,
-    coded: &mut CodedGaussians,
-    (particles, domain): (&Particles, &Domain),
-    size: u64,
-    context: &Context<'_>,
-) -> Result<()> {
-    let most = MOST_SUMS.min(encoder.len() / GAUSSIANS_A_SHELL);
-    if most == 0 || encoder.len() > MOST_GAUSSIANS {
-        return Ok(());
+/// Gaussians that are coded, whose counts can be moved.
+pub(super) trait CountCoding {
+    fn len(&self) -> usize;
+    /// Codes them: the bytes, and the Gaussians as they are decoded.
+    fn code(&mut self) -> Result<(Vec<u8>, Mixture)>;
+    /// Moves codes of the counts that were decoded last. Returns the factor by which each changes.
+    fn balance(&mut self, balance: &CountBalance<'_>) -> Result<Vec<f64>>;
+}
+
+/// A block of a model, at the steps at which it was coded first.
+pub(super) struct BlockCoding<'a> {
+    encoder: &'a mut Encoder,
+    precision: Precision,
+    first_bytes: Option<Vec<u8>>,
+    decoded: Option<Block>,
+}
+
+impl<'a> BlockCoding<'a> {
+    pub(super) fn new(encoder: &'a mut Encoder, coded: &CodedGaussians) -> BlockCoding<'a> {
+        let precision = Precision::BALANCED.scaled(coded.step_factor);
+        BlockCoding { encoder, precision, first_bytes: Some(coded.bytes.clone()), decoded: None }
     }
-    let Some(target) = PowerTarget::new(particles, domain, most, context)? else { return Ok(()) };
-    let precision = Precision::BALANCED.scaled(coded.step_factor);
-    let mut bytes = coded.bytes.clone();
+}
+
+impl CountCoding for BlockCoding<'_> {
+    fn len(&self) -> usize {
+        self.encoder.len()
+    }
+
+    fn code(&mut self) -> Result<(Vec<u8>, Mixture)> {
+        let bytes = self.first_bytes.take().unwrap_or_else(|| self.encoder.encode(&self.precision));
+        let block = decode_block(&bytes, "a block")?;
+        Ok((bytes, self.decoded.insert(block).gaussians.clone()))
+    }
+
+    fn balance(&mut self, balance: &CountBalance<'_>) -> Result<Vec<f64>> {
+        if let Some(block) = self.decoded.take() {
+            self.encoder.settle(&self.precision, &block)?;
+        }
+        self.encoder.balance_counts(&self.precision, balance)
+    }
+}
+
+/// Codes Gaussians in at most `size` bytes with the power of the particles in the box of the snapshot, in as many shells
+/// as have `for_each` Gaussians. Of several codings the best is given; `None` where there is no power to be held.
+pub(super) fn hold_power(
+    coding: &mut dyn CountCoding,
+    (particles, domain): (&Particles, &Domain),
+    (size, for_each): (u64, usize),
+    context: &Context<'_>,
+) -> Result<Option<Vec<u8>>> {
+    let most = MOST_SUMS.min(coding.len() / for_each);
+    if most == 0 || coding.len() > MOST_GAUSSIANS {
+        return Ok(None);
+    }
+    let Some(target) = PowerTarget::new(particles, domain, most, context)? else { return Ok(None) };
+    let mut best = None;
     let mut least = f64::INFINITY;
     let (mut deviation, mut responses, mut moved) = (None, Vec::new(), 0);
     for round in 0..=ROUNDS {
         context.check()?;
-        let block = decode_block(&bytes, "a block")?;
-        let reached = target.deviation(&block.gaussians, deviation.take(), context)?;
-        let largest = largest_of(&reached);
+        let (bytes, mut gaussians) = coding.code()?;
+        let mut balanced = target.deviation(&gaussians, deviation.take(), context)?;
+        let largest = largest_of(&balanced);
         if largest < least && bytes.len() as u64 <= size {
-            (least, coded.bytes) = (largest, bytes);
+            (least, best) = (largest, Some(bytes));
         }
         if largest < TOLERANCE || round == ROUNDS {
             break;
         }
-        encoder.settle(&precision, &block)?;
         let within = (LEFT * largest).max(0.5 * TOLERANCE);
-        let (mut gaussians, mut balanced) = (block.gaussians, reached);
         for _ in 0..BALANCES {
             if responses.is_empty() || moved > gaussians.len() / MOVED {
                 (responses, moved) = (target.responses(&balanced, &gaussians, context)?, 0);
             }
             let wanted: Vec<f64> = balanced.of_shell.iter().map(|d| -d).collect();
-            let balance = CountBalance { responses: &responses, wanted: &wanted, within };
-            let factors = encoder.balance_counts(&precision, &balance)?;
+            let factors = coding.balance(&CountBalance { responses: &responses, wanted: &wanted, within })?;
             moved += factors.iter().filter(|factor| **factor != 1.0).count();
             let masses = gaussians.columns.get_mut(MASS).into_iter();
             for column in masses.chain([&mut gaussians.count]) {
@@ -78,10 +118,9 @@ pub(super) fn hold_power(
                 break;
             }
         }
-        bytes = encoder.encode(&precision);
         deviation = Some(balanced);
     }
-    Ok(())
+    Ok(best)
 }
 
 fn largest_of(deviation: &PowerDeviation) -> f64 {

@@ -1,7 +1,7 @@
 //! One layer of a block: fitted, trained where the job is to, and coded.
 
 use super::clock::Clock;
-use super::held_power::{hold_power, room};
+use super::held_power::{BlockCoding, GAUSSIANS_A_SHELL, hold_power, room};
 use super::plan::{BlockSetup, StopPolicy};
 use super::size::{CodedGaussians, SizeTarget, bytes_a_gaussian, most_gaussians};
 use super::thickness::Thickness;
@@ -269,7 +269,11 @@ impl LayerTask<'_> {
             let most = goal.bytes.map_or(u64::MAX, |bytes| bytes.saturating_sub(encoder.stage_bytes() as u64));
             context.begin("power spectrum", 0);
             let domain = Domain::new(&plan.metadata.bounds, plan.metadata.cell.as_ref());
-            hold_power(&mut encoder, &mut coded, (self.layer.particles(), &domain), most, context)?;
+            let mut coding = BlockCoding::new(&mut encoder, &coded);
+            let limits = (most, GAUSSIANS_A_SHELL);
+            if let Some(bytes) = hold_power(&mut coding, (self.layer.particles(), &domain), limits, context)? {
+                coded.bytes = bytes;
+            }
             context.end();
         }
         Ok(coded)

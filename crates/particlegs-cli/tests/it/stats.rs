@@ -303,7 +303,7 @@ fn velocities_of_a_model_are_those_of_particles_drawn_from_it() {
     let median = s["summary"]["halo_dispersion"].as_f64().unwrap();
     assert!((median - 1.0).abs() < 0.1, "{median}");
     let columns = |name: &str| dir.text(&format!("a/{name}")).lines().next().unwrap().split(',').count();
-    assert_eq!(["multipoles.csv", "momentum.csv", "halo_dispersion.csv"].map(columns), [10, 10, 10]);
+    assert_eq!(["multipoles.csv", "momentum.csv", "halo_dispersion.csv"].map(columns), [10, 12, 10]);
     assert!(dir.text("a/multipoles.svg").contains("P(k) [(Mpc/h)³]") && dir.at("a/momentum.png").exists());
     // The same particles in a file have the same numbers, unit and all.
     dir.runs("recover m.pgs -o drawn --seed 42");

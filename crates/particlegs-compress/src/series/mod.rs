@@ -6,20 +6,23 @@ mod frame_store;
 
 pub use frame_store::FrameStore;
 
+use crate::held_power::{CHANGED_GAUSSIANS_A_SHELL, CountCoding, hold_power};
 use crate::{Compression, FieldSelection, MemoryLoad, Options, SharingPolicy, certify};
 use particlegs_core::checkpoint::NoCheckpoints;
 use particlegs_core::codec::{
-    ChangePrecision, ChangeTarget, CodedFrame, FrameStep, SeriesClock, TrackedModel, is_series,
+    ChangePrecision, ChangeTarget, CodedFrame, CountBalance, FrameStep, SeriesClock, TrackedBlock, TrackedModel,
+    is_series,
 };
 use particlegs_core::context::Context;
 use particlegs_core::model::{
     Certificate, CertificateLevel, Effort, LawKind, Mass, Metadata, Mixture, Model, Quantity,
 };
+use particlegs_core::space::Bounds;
 use particlegs_core::{Error, Result, codec};
 use particlegs_files::output::Kind;
-use particlegs_fit::{FitOptions, MixtureAssignment, TrackingEffort, track_gaussians};
+use particlegs_fit::{FitOptions, MixtureAssignment, TrackedGaussians, TrackingEffort, track_gaussians};
 use particlegs_particles::blocks::divide;
-use particlegs_particles::{Chunk, Particles};
+use particlegs_particles::{Chunk, Domain, Particles};
 
 /// The file of a series, which does not replace a single model.
 pub const SERIES_FILE: Kind = Kind { name: "a series of models", kept: true, is: |_, head| is_series(head) };
@@ -231,15 +234,19 @@ impl SeriesBuilder {
                 };
                 let effort = if self.options.effort == Effort::Fast { TRACKING_FAST } else { TRACKING };
                 let tracked = track_gaussians(particles, start, &options, effort, context)?;
-                let target = ChangeTarget {
-                    gaussians: &tracked.gaussians,
-                    born: &tracked.born,
-                    bounds: particles.bounds(),
-                    count: particles.len() as u64,
-                    mass: particles.total_mass(),
+                let mut coding = ChangeCoding::new(block, tracked, particles, &step);
+                sums.push(coding.mass);
+                let held = if parts.len() == 1 && self.options.effort != Effort::Fast {
+                    let domain = Domain::new(&metadata.bounds, metadata.cell.as_ref());
+                    hold_power(&mut coding, (particles, &domain), (u64::MAX, CHANGED_GAUSSIANS_A_SHELL), context)?
+                } else {
+                    None
                 };
-                sums.push(target.mass);
-                blocks.push((block.encode(&target, &step, &ChangePrecision::default())?, Vec::new()));
+                let bytes = match held {
+                    Some(bytes) => bytes,
+                    None => coding.encode()?,
+                };
+                blocks.push((bytes, Vec::new()));
             }
         }
         // In rising order, as the masses of a file's blocks are summed.
@@ -274,6 +281,60 @@ impl SeriesBuilder {
         }
         let next = before.next(&bytes, time, &particles.meta.name)?;
         Ok(Some((bytes, next)))
+    }
+}
+
+/// Gaussians of a frame's share of a block, coded as changes of the frame before.
+struct ChangeCoding<'a> {
+    previous: &'a TrackedBlock,
+    step: &'a FrameStep,
+    /// As they are coded, and the counts that they should have.
+    tracked: TrackedGaussians,
+    counts: Vec<f64>,
+    bounds: Bounds,
+    count: u64,
+    mass: f64,
+    /// The frame as decoded last.
+    next: Option<TrackedBlock>,
+}
+
+impl<'a> ChangeCoding<'a> {
+    fn new(
+        previous: &'a TrackedBlock,
+        tracked: TrackedGaussians,
+        particles: &Particles,
+        step: &'a FrameStep,
+    ) -> ChangeCoding<'a> {
+        let counts = tracked.gaussians.count.clone();
+        let (bounds, count, mass) = (particles.bounds(), particles.len() as u64, particles.total_mass());
+        ChangeCoding { previous, step, tracked, counts, bounds, count, mass, next: None }
+    }
+
+    fn encode(&self) -> Result<Vec<u8>> {
+        let TrackedGaussians { gaussians, born } = &self.tracked;
+        let ChangeCoding { bounds, count, mass, .. } = *self;
+        let target = ChangeTarget { gaussians, born, bounds, count, mass };
+        self.previous.encode(&target, self.step, &ChangePrecision::default())
+    }
+}
+
+impl CountCoding for ChangeCoding<'_> {
+    fn len(&self) -> usize {
+        self.counts.len()
+    }
+
+    fn code(&mut self) -> Result<(Vec<u8>, Mixture)> {
+        let bytes = self.encode()?;
+        let next = self.previous.decode(&bytes, self.step).map_err(Error::argument)?;
+        let gaussians = next.block.gaussians.clone();
+        self.next = Some(next);
+        Ok((bytes, gaussians))
+    }
+
+    fn balance(&mut self, balance: &CountBalance<'_>) -> Result<Vec<f64>> {
+        let Some(next) = &self.next else { return Err(Error::argument("nothing was coded yet")) };
+        let gaussians = (&mut self.tracked.gaussians, &self.counts[..]);
+        self.previous.balance_counts(next, gaussians, &ChangePrecision::default(), balance)
     }
 }
 
@@ -318,8 +379,10 @@ fn follows(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use particlegs_core::codec::MOST_SUMS;
+    use particlegs_measure::stats::PowerTarget;
     use particlegs_particles::Storage;
-    use particlegs_particles::testing::{from_points, random_points};
+    use particlegs_particles::testing::{from_points, random_points, sample};
 
     /// Two species of clouds that drift through a box.
     fn frame(number: usize) -> Particles {
@@ -367,6 +430,36 @@ mod tests {
             let truth = |k: usize| (0..6000).map(|i| particles.position(i)[k]).sum::<f64>() / 6000.0;
             let off = [0, 1, 2].map(|k| [mean(&one.model, k) - truth(k), mean(&three.model, k) - truth(k)]);
             assert!(off.as_flattened().iter().all(|d| d.abs() < 0.08), "frame {number}: {off:?}");
+        }
+    }
+
+    #[test]
+    fn frames_between_keyframes_have_the_power_of_their_particles() {
+        let particles = sample();
+        let cell = particles.meta.cell.unwrap();
+        // Each frame is moved further along a wave.
+        let frame = |number: usize| {
+            let moved = |at: u64, _: &mut particlegs_core::math::Random| {
+                let x = particles.position(at as usize);
+                let phase = 2.0 * std::f64::consts::PI * x[1] / cell.vectors[1][1];
+                [x[0] + 0.01 * number as f64 * libm::sin(phase) * cell.vectors[0][0], x[1], x[2]]
+            };
+            let mut frame = from_points(random_points(particles.len(), 5, moved));
+            frame.meta.cell = Some(cell);
+            frame
+        };
+        let options = Options { certificate: CertificateLevel::None, ..Options::gaussians(1500) };
+        let mut builder = SeriesBuilder::new(options, 4, false).unwrap();
+        for number in 0..3 {
+            let particles = frame(number);
+            let added = builder.add(number, &particles, None, &Context::SILENT).unwrap();
+            assert_eq!(added.coded.keyframe, number == 0);
+            let domain = Domain::from_particles(&particles);
+            let power = PowerTarget::new(&particles, &domain, MOST_SUMS, &Context::SILENT).unwrap().unwrap();
+            let mixture = &added.model.layers[0].content[0].gaussians;
+            let deviation = power.deviation(mixture, None, &Context::SILENT).unwrap();
+            let largest = deviation.of_shell.iter().fold(0.0f64, |largest, d| largest.max(d.abs()));
+            assert!(largest < 2e-3, "frame {number}: {largest}");
         }
     }
 }

@@ -6,7 +6,7 @@
 
 use super::trellis::TrellisState;
 use crate::math::{exp, floor_index};
-use crate::parallel;
+use crate::{Error, Result, parallel};
 use std::ops::Range;
 
 /// Sums over Gaussians that the counts' codes are to change.
@@ -17,6 +17,26 @@ pub struct CountBalance<'a> {
     pub wanted: &'a [f64],
     /// The error that each sum may keep.
     pub within: f64,
+}
+
+impl CountBalance<'_> {
+    fn responses_of(&self, at: usize) -> SumChanges {
+        let kinds = self.wanted.len();
+        let mut responses = SumChanges::default();
+        responses.iter_mut().zip(&self.responses[at * kinds..][..kinds]).for_each(|(r, v)| *r = f64::from(*v));
+        responses
+    }
+
+    /// Refuses more sums than there may be, or responses of another number of Gaussians.
+    pub(super) fn check(&self, gaussians: usize) -> Result<()> {
+        let sums = self.wanted.len();
+        if sums > MOST_SUMS || self.responses.len() != sums * gaussians {
+            let message =
+                format!("counts can be balanced for {MOST_SUMS} sums at most, with a response of each Gaussian");
+            return Err(Error::argument(message));
+        }
+        Ok(())
+    }
 }
 
 /// Sums at most.
@@ -43,15 +63,101 @@ const MOST_MOVES: usize = 200;
 const MOVE: f64 = 0.5;
 const ROUNDED: f64 = 0.1;
 
+/// Codes that are moved in steps of a kind.
+trait Descent: Sync {
+    type Move;
+    /// The move at a place that gains most, what it leaves of the sums, and its gain over what is there, in nats.
+    fn best(&self, place: usize, left: &SumChanges, weight: f64) -> (Self::Move, SumChanges, f64);
+    fn take(&mut self, place: usize, chosen: Self::Move);
+}
+
+/// Moves codes at `places`: those first that gain most, so that few are moved.
+fn descend<D: Descent>(descent: &mut D, places: &[usize], balance: &CountBalance<'_>) {
+    let mut left = SumChanges::default();
+    left.iter_mut().zip(balance.wanted).for_each(|(left, wanted)| *left = *wanted);
+    let largest = |left: &SumChanges| left.iter().fold(0.0f64, |a, v| a.max(v.abs()));
+    let within = balance.within;
+    let mut error = if largest(&left) < SMALL { within / FINER } else { largest(&left) / FINER };
+    while largest(&left) > within && error > within / FINER / FINER {
+        let weight = NATS / (error * error);
+        for _ in 0..SWEEPS {
+            let gains = parallel::map_range(places.len(), |i| descent.best(places[i], &left, weight).2);
+            let mut moves: Vec<(f64, usize)> = gains.into_iter().zip(places.iter().copied()).collect();
+            moves.retain(|(gain, _)| *gain > 0.0);
+            moves.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+            let mut is_still = true;
+            for (_, place) in moves.into_iter().take(MOST_MOVES) {
+                // What was moved since may have taken its gain.
+                let (chosen, rest, gain) = descent.best(place, &left, weight);
+                if gain > 0.0 {
+                    descent.take(place, chosen);
+                    (left, is_still) = (rest, false);
+                }
+            }
+            if is_still || largest(&left) <= within {
+                break;
+            }
+        }
+        error /= FINER;
+    }
+}
+
+/// Counts whose codes are whole steps, each by itself.
+pub(super) struct StepDescent<'a> {
+    pub balance: &'a CountBalance<'a>,
+    /// Each count as it should be, and its ln over that of code 0.
+    pub targets: &'a [(f64, f64)],
+    pub step: f64,
+    /// The largest code.
+    pub most: i32,
+    pub codes: &'a mut [i32],
+}
+
+impl StepDescent<'_> {
+    pub(super) fn run(&mut self) {
+        let (places, balance): (Vec<usize>, _) = ((0..self.codes.len()).collect(), self.balance);
+        descend(self, &places, balance);
+    }
+}
+
+impl Descent for StepDescent<'_> {
+    type Move = i32;
+
+    fn best(&self, place: usize, left: &SumChanges, weight: f64) -> (i32, SumChanges, f64) {
+        let (responses, code, (count, log)) =
+            (self.balance.responses_of(place), self.codes[place], self.targets[place]);
+        let error = |code: i32| f64::from(code) * self.step - log;
+        let mut best = (code, *left, 0.0);
+        // Further than a step from what it should be a count is wrong, whatever the sums gain.
+        let is_near = |next: &i32| next.abs() <= self.most && error(*next).abs() < self.step;
+        for next in [code - 1, code + 1].into_iter().filter(is_near) {
+            let change = exp(f64::from(next - code) * self.step) - 1.0;
+            let rest: SumChanges = std::array::from_fn(|s| left[s] - change * responses[s]);
+            let lost = 0.5 * count * (error(next) * error(next) - error(code) * error(code)) + MOVE;
+            let gain = weight * (product(left, left) - product(&rest, &rest)) - lost;
+            if gain > best.2 {
+                best = (next, rest, gain);
+            }
+        }
+        best
+    }
+
+    fn take(&mut self, place: usize, code: i32) {
+        self.codes[place] = code;
+    }
+}
+
 /// Counts in the order of the file, and what is left of the balance.
 pub(super) struct CountDescent<'a> {
-    pub balance: &'a CountBalance<'a>,
+    balance: &'a CountBalance<'a>,
     /// ln of each count as it should be.
-    pub targets: &'a [f64],
+    targets: &'a [f64],
     /// A whole step of ln count.
-    pub step: f64,
+    step: f64,
     /// Codes in half steps.
-    pub codes: &'a mut [i32],
+    codes: &'a mut [i32],
+    /// The trellis's state before each code.
+    states: Vec<TrellisState>,
 }
 
 /// A code that a count may have.
@@ -68,94 +174,17 @@ struct CountCode {
 type RunCodes = [[[CountCode; 4]; 2]; RUN];
 
 impl CountDescent<'_> {
-    /// Moves codes within segments, in which trellises begin anew: those first that gain most, so that few are moved.
-    pub(super) fn run(&mut self, segments: &[Range<usize>]) {
+    /// Moves codes within segments, in which trellises begin anew.
+    pub(super) fn run(
+        balance: &CountBalance<'_>,
+        (targets, step): (&[f64], f64),
+        codes: &mut [i32],
+        segments: &[Range<usize>],
+    ) {
         let all = segments.iter().flat_map(|s| s.start..(s.end + 1).saturating_sub(RUN).max(s.start));
-        let starts: Vec<usize> = all.step_by(self.codes.len().div_ceil(MOST_RUNS).max(1)).collect();
-        let (mut states, mut left) = (self.states(segments), SumChanges::default());
-        left.iter_mut().zip(self.balance.wanted).for_each(|(left, wanted)| *left = *wanted);
-        let largest = |left: &SumChanges| left.iter().fold(0.0f64, |a, v| a.max(v.abs()));
-        let within = self.balance.within;
-        let mut error = if largest(&left) < SMALL { within / FINER } else { largest(&left) / FINER };
-        while largest(&left) > within && error > within / FINER / FINER {
-            let weight = NATS / (error * error);
-            for _ in 0..SWEEPS {
-                let mut is_still = true;
-                for start in self.moves(&starts, &states, &left, weight) {
-                    // What was moved since may have taken its gain.
-                    let (codes, rest, gain) = self.best_run(start, &states, &left, weight);
-                    if gain > 0.0 {
-                        self.take(start, codes, &mut states);
-                        (left, is_still) = (rest, false);
-                    }
-                }
-                if is_still || largest(&left) <= within {
-                    break;
-                }
-            }
-            error /= FINER;
-        }
-    }
-
-    /// The runs that gain most, the best first.
-    fn moves(&self, starts: &[usize], states: &[TrellisState], left: &SumChanges, weight: f64) -> Vec<usize> {
-        let gains = parallel::map_range(starts.len(), |i| self.best_run(starts[i], states, left, weight).2);
-        let mut moves: Vec<(f64, usize)> = gains.into_iter().zip(starts.iter().copied()).collect();
-        moves.retain(|(gain, _)| *gain > 0.0);
-        moves.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        moves.into_iter().take(MOST_MOVES).map(|(_, start)| start).collect()
-    }
-
-    /// The trellis's state before each code.
-    fn states(&self, segments: &[Range<usize>]) -> Vec<TrellisState> {
-        let mut states = Vec::with_capacity(self.codes.len());
-        for segment in segments {
-            let mut state = TrellisState::default();
-            for code in &self.codes[segment.clone()] {
-                states.push(state);
-                state.half_steps(code >> 1);
-            }
-        }
-        states
-    }
-
-    /// The codes from `start` on that lose least, what they leave of the sums, and what they gain over those that are there.
-    fn best_run(
-        &self,
-        start: usize,
-        states: &[TrellisState],
-        left: &SumChanges,
-        weight: f64,
-    ) -> ([i32; RUN], SumChanges, f64) {
-        let mut end = states[start + RUN - 1];
-        end.half_steps(self.codes[start + RUN - 1] >> 1);
-        let responses: [SumChanges; RUN] = std::array::from_fn(|i| self.responses(start + i));
-        // What changes leave of the sums is taken from products of responses: sequences are many, products few.
-        let products = responses.map(|a| responses.map(|b| weight * product(&a, &b)));
-        let candidates: RunCodes = std::array::from_fn(|i| {
-            let toward = weight * product(left, &responses[i]);
-            self.candidates(start + i, MOVE + ROUNDED * ROUNDED * products[i][i], toward)
-        });
-        let least =
-            candidates.map(|of_code| of_code.iter().flatten().fold(f64::INFINITY, |least, c| least.min(c.cost)));
-        let least_after = std::array::from_fn(|place| least[place + 1..].iter().sum());
-        let codes: [i32; RUN] = std::array::from_fn(|i| self.codes[start + i]);
-        let before: f64 = (0..RUN).map(|i| self.error(start + i, codes[i])).sum();
-        let mut search = RunSearch { candidates, products, least_after, end, best: (codes, [0.0; RUN], before) };
-        search.go_on(0, states[start], ([0; RUN], [0.0; RUN], 0.0, 0.0));
-        let (codes, changes, cost) = search.best;
-        let left = std::array::from_fn(|s| left[s] - (0..RUN).map(|i| changes[i] * responses[i][s]).sum::<f64>());
-        (codes, left, before - cost)
-    }
-
-    fn take(&mut self, start: usize, codes: [i32; RUN], states: &mut [TrellisState]) {
-        for (i, code) in codes.into_iter().enumerate() {
-            self.codes[start + i] = code;
-            if i + 1 < RUN {
-                states[start + i + 1] = states[start + i];
-                states[start + i + 1].half_steps(code >> 1);
-            }
-        }
+        let starts: Vec<usize> = all.step_by(codes.len().div_ceil(MOST_RUNS).max(1)).collect();
+        let states = states(codes, segments);
+        descend(&mut CountDescent { balance, targets, step, codes, states }, &starts, balance);
     }
 
     /// What a code loses, in nats.
@@ -184,13 +213,56 @@ impl CountDescent<'_> {
             })
         })
     }
+}
 
-    fn responses(&self, at: usize) -> SumChanges {
-        let kinds = self.balance.wanted.len();
-        let mut responses = SumChanges::default();
-        responses.iter_mut().zip(&self.balance.responses[at * kinds..][..kinds]).for_each(|(r, v)| *r = f64::from(*v));
-        responses
+impl Descent for CountDescent<'_> {
+    type Move = [i32; RUN];
+
+    /// The codes from `start` on that lose least.
+    fn best(&self, start: usize, left: &SumChanges, weight: f64) -> ([i32; RUN], SumChanges, f64) {
+        let mut end = self.states[start + RUN - 1];
+        end.half_steps(self.codes[start + RUN - 1] >> 1);
+        let responses: [SumChanges; RUN] = std::array::from_fn(|i| self.balance.responses_of(start + i));
+        // What changes leave of the sums is taken from products of responses: sequences are many, products few.
+        let products = responses.map(|a| responses.map(|b| weight * product(&a, &b)));
+        let candidates: RunCodes = std::array::from_fn(|i| {
+            let toward = weight * product(left, &responses[i]);
+            self.candidates(start + i, MOVE + ROUNDED * ROUNDED * products[i][i], toward)
+        });
+        let least =
+            candidates.map(|of_code| of_code.iter().flatten().fold(f64::INFINITY, |least, c| least.min(c.cost)));
+        let least_after = std::array::from_fn(|place| least[place + 1..].iter().sum());
+        let codes: [i32; RUN] = std::array::from_fn(|i| self.codes[start + i]);
+        let before: f64 = (0..RUN).map(|i| self.error(start + i, codes[i])).sum();
+        let mut search = RunSearch { candidates, products, least_after, end, best: (codes, [0.0; RUN], before) };
+        search.go_on(0, self.states[start], ([0; RUN], [0.0; RUN], 0.0, 0.0));
+        let (codes, changes, cost) = search.best;
+        let left = std::array::from_fn(|s| left[s] - (0..RUN).map(|i| changes[i] * responses[i][s]).sum::<f64>());
+        (codes, left, before - cost)
     }
+
+    fn take(&mut self, start: usize, codes: [i32; RUN]) {
+        for (i, code) in codes.into_iter().enumerate() {
+            self.codes[start + i] = code;
+            if i + 1 < RUN {
+                self.states[start + i + 1] = self.states[start + i];
+                self.states[start + i + 1].half_steps(code >> 1);
+            }
+        }
+    }
+}
+
+/// The trellis's state before each code.
+fn states(codes: &[i32], segments: &[Range<usize>]) -> Vec<TrellisState> {
+    let mut states = Vec::with_capacity(codes.len());
+    for segment in segments {
+        let mut state = TrellisState::default();
+        for code in &codes[segment.clone()] {
+            states.push(state);
+            state.half_steps(code >> 1);
+        }
+    }
+    states
 }
 
 /// All sequences of a run's codes that end in a state.

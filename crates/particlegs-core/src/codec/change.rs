@@ -1,5 +1,6 @@
 //! Changes of a block's Gaussians from one frame of a series to the next (docs/format.md, section 16).
 
+use super::balance::{CountBalance, StepDescent};
 use super::decoder;
 use super::exact::exp_twice;
 use super::field::PreviousField;
@@ -250,6 +251,46 @@ impl TrackedBlock {
         out.extend(new_block);
         out.extend(writer.finish());
         Ok(out)
+    }
+
+    /// Moves counts of `gaussians`, as which the next frame is coded, until sums over its Gaussians change as wanted, by
+    /// those whole steps that fit the `counts` best which they should have. `next` was decoded last. Returns the factor by
+    /// which each of its counts changes.
+    pub fn balance_counts(
+        &self,
+        next: &TrackedBlock,
+        (gaussians, counts): (&mut Mixture, &[f64]),
+        precision: &ChangePrecision,
+        balance: &CountBalance<'_>,
+    ) -> Result<Vec<f64>> {
+        let n = next.block.gaussians.len();
+        balance.check(n)?;
+        let step = f64::from(precision.steps[3]);
+        let previous = &self.block.gaussians.count;
+        if gaussians.len() != previous.len() || counts.len() != previous.len() || next.origin.len() != n {
+            return Err(Error::argument("the Gaussians are those of another block"));
+        }
+        // New ones stand behind the others: they stay as they are.
+        let origins: Vec<usize> = next.origin.iter().map_while(|origin| origin.map(|i| i as usize)).collect();
+        let log = |count: f64, i: usize| libm::log(count.max(0.5) / previous[i].max(0.5));
+        let mut codes: Vec<i32> =
+            origins.iter().map(|&i| in_steps(log(gaussians.count[i], i), step, LARGEST_LOG)).collect();
+        let (last_codes, targets) =
+            (codes.clone(), origins.iter().map(|&i| (counts[i], log(counts[i], i))).collect::<Vec<_>>());
+        let most = (LARGEST_LOG / step) as i32;
+        StepDescent { balance, targets: &targets, step, most, codes: &mut codes }.run();
+        let mut factors = vec![1.0; n];
+        for (at, (&i, (code, last))) in origins.iter().zip(codes.iter().zip(&last_codes)).enumerate() {
+            if code != last {
+                let moved = previous[i].max(0.5) * exp(f64::from(*code) * step);
+                if let Some(masses) = gaussians.columns.get_mut(MASS) {
+                    masses[i] *= moved / gaussians.count[i];
+                }
+                gaussians.count[i] = moved;
+                factors[at] = exp(f64::from(code - last) * step);
+            }
+        }
+        Ok(factors)
     }
 
     /// The block of the next frame.

@@ -1,7 +1,7 @@
 //! A block made ready once and coded at any precision.
 
 use super::OutOfRange;
-use super::balance::{CountBalance, CountDescent, MOST_SUMS};
+use super::balance::{CountBalance, CountDescent};
 use super::container::STAGE_BYTES;
 use super::fine::{FineWalk, Leaf};
 use super::header::{BlockHeader, GAUSSIANS_A_BYTE, MOST_PARTICLES, Precision, cholesky};
@@ -216,15 +216,10 @@ impl Encoder {
     /// Moves the codes of counts that are settled until sums over the Gaussians change as wanted, by those moves that fit
     /// the counts best. Returns the factor by which each count changes.
     pub fn balance_counts(&mut self, precision: &Precision, balance: &CountBalance<'_>) -> Result<Vec<f64>> {
-        let sums = balance.wanted.len();
-        if sums > MOST_SUMS || balance.responses.len() != sums * self.len() {
-            let message =
-                format!("counts can be balanced for {MOST_SUMS} sums at most, with a response of each Gaussian");
-            return Err(Error::argument(message));
-        }
+        balance.check(self.len())?;
         let Some(codes) = &mut self.counts else { return Ok(vec![1.0; self.len()]) };
         let (step, last_codes) = (f64::from(precision.steps()[2]), codes.clone());
-        CountDescent { balance, targets: &self.logs.count, step, codes }.run(&ranges(&self.tree));
+        CountDescent::run(balance, (&self.logs.count, step), codes, &ranges(&self.tree));
         Ok(codes.iter().zip(last_codes).map(|(code, last)| exp(0.5 * f64::from(code - last) * step)).collect())
     }
 
