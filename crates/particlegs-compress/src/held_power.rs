@@ -90,9 +90,15 @@ pub(super) fn hold_power(
     let mut best = None;
     let mut least = f64::INFINITY;
     let (mut deviation, mut responses, mut moved) = (None, Vec::new(), 0);
+    let mut last_len = 0;
     for round in 0..=ROUNDS {
         context.check()?;
         let (bytes, mut gaussians) = coding.code()?;
+        // A Gaussian that is left out, since its particles are gone, moves those behind it up.
+        if gaussians.len() != last_len {
+            (deviation, last_len) = (None, gaussians.len());
+            responses.clear();
+        }
         let mut balanced = target.deviation(&gaussians, deviation.take(), context)?;
         let largest = largest_of(&balanced);
         if largest < least && bytes.len() as u64 <= size {
