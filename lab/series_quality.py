@@ -98,10 +98,12 @@ def over_truth(program, series, snapshot, frame, work):
     run(program, "stats", snapshot, drawn, "-o", out / "groups", "--only", "groups", "--no-plots")
     shells, groups = rows(out / "power" / "power.csv"), rows(out / "groups" / "groups.csv")
     power = np.array([[float(r["k"]), float(r["ratio"])] for r in shells if r["ratio"]])
-    number = [[sum(float(r[f"groups_{side}"]) for r in groups if float(r["from"]) >= least) for side in ("truth", "other")]
-              for least in LEAST]
     bands = [power[(power[:, 0] >= low) & (power[:, 0] < high), 1].mean() for low, high in BANDS]
-    return np.array([*bands, *(other / truth if truth else np.nan for truth, other in number)])
+
+    def number(side, least):
+        return sum(float(r[f"groups_{side}"]) for r in groups if float(r["from"]) >= least)
+
+    return np.array([*bands, *(number("other", n) / (number("truth", n) or np.nan) for n in LEAST)])
 
 
 def jumps(program, series, snapshots, *keyframes):

@@ -17,10 +17,10 @@ from math import log2
 from pathlib import Path
 
 STAGES = [
+    ("power held", r"held_power|codec::balance"),
     ("certificate: pictures of all particles", r"reference::"),
     ("certificate: subset of the same bytes", r"codec::points|score::subset"),
     ("certificate: the rest", r"measure::|fit::recover|particles::neighbours|particles::select|core::render|core::picture"),
-    ("power held", r"held_power|codec::balance"),
     ("coding", r"core::codec|compress::size"),
     ("scan", r"particles::blocks|local_bounds|blake3|SnapshotScan"),
     ("copy", r"fit::store|ParticleStore"),

@@ -20,9 +20,7 @@ const TOLERANCE: f64 = 5e-4;
 /// Share of a deviation that a coding leaves of itself: the rounding of what is moved makes as much.
 const LEFT: f64 = 0.1;
 /// Gaussians for each shell, at least: fewer have no counts to spare.
-pub(super) const GAUSSIANS_A_SHELL: usize = 20;
-/// The same of changes, whose counts go by steps that are as large: moving as many would move haloes.
-pub(super) const CHANGED_GAUSSIANS_A_SHELL: usize = 40;
+const GAUSSIANS_A_SHELL: usize = 20;
 /// Gaussians at most: more average what rounding does to each.
 const MOST_GAUSSIANS: usize = 1_000_000;
 
@@ -74,15 +72,16 @@ impl CountCoding for BlockCoding<'_> {
     }
 }
 
-/// Codes Gaussians in at most `size` bytes with the power of the particles in the box of the snapshot, in as many shells
-/// as have `for_each` Gaussians. Of several codings the best is given; `None` where there is no power to be held.
+/// Codes Gaussians in at most `size` bytes with the power of the particles in the box of the snapshot, as
+/// far as they have Gaussians for its shells. Of several codings the best is given; `None` where there is no power to be
+/// held.
 pub(super) fn hold_power(
     coding: &mut dyn CountCoding,
     (particles, domain): (&Particles, &Domain),
-    (size, for_each): (u64, usize),
+    size: u64,
     context: &Context<'_>,
 ) -> Result<Option<Vec<u8>>> {
-    let most = MOST_SUMS.min(coding.len() / for_each);
+    let most = MOST_SUMS.min(coding.len() / GAUSSIANS_A_SHELL);
     if most == 0 || coding.len() > MOST_GAUSSIANS {
         return Ok(None);
     }
@@ -90,15 +89,9 @@ pub(super) fn hold_power(
     let mut best = None;
     let mut least = f64::INFINITY;
     let (mut deviation, mut responses, mut moved) = (None, Vec::new(), 0);
-    let mut last_len = 0;
     for round in 0..=ROUNDS {
         context.check()?;
         let (bytes, mut gaussians) = coding.code()?;
-        // A Gaussian that is left out, since its particles are gone, moves those behind it up.
-        if gaussians.len() != last_len {
-            (deviation, last_len) = (None, gaussians.len());
-            responses.clear();
-        }
         let mut balanced = target.deviation(&gaussians, deviation.take(), context)?;
         let largest = largest_of(&balanced);
         if largest < least && bytes.len() as u64 <= size {
@@ -109,7 +102,7 @@ pub(super) fn hold_power(
         }
         let within = (LEFT * largest).max(0.5 * TOLERANCE);
         for _ in 0..BALANCES {
-            if responses.is_empty() || moved > gaussians.len() / MOVED {
+            if responses.len() != target.shells * gaussians.len() || moved > gaussians.len() / MOVED {
                 (responses, moved) = (target.responses(&balanced, &gaussians, context)?, 0);
             }
             let wanted: Vec<f64> = balanced.of_shell.iter().map(|d| -d).collect();

@@ -1,7 +1,7 @@
 //! One layer of a block: fitted, trained where the job is to, and coded.
 
 use super::clock::Clock;
-use super::held_power::{BlockCoding, GAUSSIANS_A_SHELL, hold_power, room};
+use super::held_power::{BlockCoding, hold_power, room};
 use super::plan::{BlockSetup, StopPolicy};
 use super::size::{CodedGaussians, SizeTarget, bytes_a_gaussian, most_gaussians};
 use super::thickness::Thickness;
@@ -270,8 +270,7 @@ impl LayerTask<'_> {
             context.begin("power spectrum", 0);
             let domain = Domain::new(&plan.metadata.bounds, plan.metadata.cell.as_ref());
             let mut coding = BlockCoding::new(&mut encoder, &coded);
-            let limits = (most, GAUSSIANS_A_SHELL);
-            if let Some(bytes) = hold_power(&mut coding, (self.layer.particles(), &domain), limits, context)? {
+            if let Some(bytes) = hold_power(&mut coding, (self.layer.particles(), &domain), most, context)? {
                 coded.bytes = bytes;
             }
             context.end();

@@ -2,8 +2,7 @@
 //! llvmpipe rasterises and interpolates (docs/law/splat.md, "Coverage").
 
 use super::project::NdcSplat;
-use fearless_simd::prelude::*;
-use fearless_simd::{Simd, f32x8, i32x8};
+use fearless_simd::{Simd, f32x8, i32x8, prelude::*};
 use particlegs_core::picture::Size;
 use particlegs_core::splat::CUT_SIGMA;
 
@@ -264,7 +263,7 @@ fn fma_wide<S: Simd>(simd: S, a: f32x8<S>, b: f32x8<S>, c: f32x8<S>) -> f32x8<S>
 }
 
 /// Coefficients of 2^x in [0, 1).
-const C: [f32; 6] = [1.0, 0.693_153_1, 0.240_153_62, 0.055_826_318, 0.008_989_34, 0.001_877_576_7];
+const POWERS_OF_2: [f32; 6] = [1.0, 0.693_153_1, 0.240_153_62, 0.055_826_318, 0.008_989_34, 0.001_877_576_7];
 const LEAST_EXPONENT: f32 = -126.99999;
 
 /// [`exp2`] of eight numbers.
@@ -274,10 +273,10 @@ fn exp2_wide<S: Simd>(simd: S, x: f32x8<S>) -> f32x8<S> {
     let floor = x.floor();
     let f = x - floor;
     let f2 = f * f;
-    let even = fma_wide(simd, f2, f32x8::splat(simd, C[4]), f32x8::splat(simd, C[2]));
-    let even = fma_wide(simd, f2, even, f32x8::splat(simd, C[0]));
-    let odd = fma_wide(simd, f2, f32x8::splat(simd, C[5]), f32x8::splat(simd, C[3]));
-    let odd = fma_wide(simd, f2, odd, f32x8::splat(simd, C[1]));
+    let even = fma_wide(simd, f2, f32x8::splat(simd, POWERS_OF_2[4]), f32x8::splat(simd, POWERS_OF_2[2]));
+    let even = fma_wide(simd, f2, even, f32x8::splat(simd, POWERS_OF_2[0]));
+    let odd = fma_wide(simd, f2, f32x8::splat(simd, POWERS_OF_2[5]), f32x8::splat(simd, POWERS_OF_2[3]));
+    let odd = fma_wide(simd, f2, odd, f32x8::splat(simd, POWERS_OF_2[1]));
     let scale: i32x8<S> = (simd.cvt_i32_f32x8(floor) + 127) << 23;
     fma_wide(simd, odd, f, even) * scale.bitcast::<f32x8<S>>()
 }
@@ -291,8 +290,8 @@ fn exp2(x: f32) -> f32 {
     let floor = if near > x { near - 1.0 } else { near };
     let f = x - floor;
     let f2 = f * f;
-    let even = fma(f2, fma(f2, C[4], C[2]), C[0]);
-    let odd = fma(f2, fma(f2, C[5], C[3]), C[1]);
+    let even = fma(f2, fma(f2, POWERS_OF_2[4], POWERS_OF_2[2]), POWERS_OF_2[0]);
+    let odd = fma(f2, fma(f2, POWERS_OF_2[5], POWERS_OF_2[3]), POWERS_OF_2[1]);
     fma(odd, f, even) * f32::from_bits(((whole(floor) + 127) as u32) << 23)
 }
 

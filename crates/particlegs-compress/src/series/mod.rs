@@ -6,7 +6,7 @@ mod frame_store;
 
 pub use frame_store::FrameStore;
 
-use crate::held_power::{CHANGED_GAUSSIANS_A_SHELL, CountCoding, hold_power};
+use crate::held_power::{CountCoding, hold_power};
 use crate::{Compression, FieldSelection, MemoryLoad, Options, SharingPolicy, certify};
 use particlegs_core::checkpoint::NoCheckpoints;
 use particlegs_core::codec::{
@@ -238,7 +238,7 @@ impl SeriesBuilder {
                 sums.push(coding.mass);
                 let held = if parts.len() == 1 && self.options.effort != Effort::Fast {
                     let domain = Domain::new(&metadata.bounds, metadata.cell.as_ref());
-                    hold_power(&mut coding, (particles, &domain), (u64::MAX, CHANGED_GAUSSIANS_A_SHELL), context)?
+                    hold_power(&mut coding, (particles, &domain), u64::MAX, context)?
                 } else {
                     None
                 };

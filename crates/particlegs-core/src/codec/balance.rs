@@ -20,6 +20,7 @@ pub struct CountBalance<'a> {
 }
 
 impl CountBalance<'_> {
+    /// The change of each sum for a change of ln count of a Gaussian.
     fn responses_of(&self, at: usize) -> SumChanges {
         let kinds = self.wanted.len();
         let mut responses = SumChanges::default();

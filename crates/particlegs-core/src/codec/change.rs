@@ -267,11 +267,12 @@ impl TrackedBlock {
         balance.check(n)?;
         let step = f64::from(precision.steps[3]);
         let previous = &self.block.gaussians.count;
-        if gaussians.len() != previous.len() || counts.len() != previous.len() || next.origin.len() != n {
-            return Err(Error::argument("the Gaussians are those of another block"));
-        }
         // New ones stand behind the others: they stay as they are.
         let origins: Vec<usize> = next.origin.iter().map_while(|origin| origin.map(|i| i as usize)).collect();
+        let lengths = [gaussians.len(), counts.len()];
+        if lengths != [previous.len(); 2] || origins.iter().any(|i| *i >= previous.len()) {
+            return Err(Error::argument("the Gaussians are those of another block"));
+        }
         let log = |count: f64, i: usize| libm::log(count.max(0.5) / previous[i].max(0.5));
         let mut codes: Vec<i32> =
             origins.iter().map(|&i| in_steps(log(gaussians.count[i], i), step, LARGEST_LOG)).collect();
@@ -282,7 +283,8 @@ impl TrackedBlock {
         let mut factors = vec![1.0; n];
         for (at, (&i, (code, last))) in origins.iter().zip(codes.iter().zip(&last_codes)).enumerate() {
             if code != last {
-                let moved = previous[i].max(0.5) * exp(f64::from(*code) * step);
+                // With less than half a particle it would be left out.
+                let moved = (previous[i].max(0.5) * exp(f64::from(*code) * step)).max(0.5);
                 if let Some(masses) = gaussians.columns.get_mut(MASS) {
                     masses[i] *= moved / gaussians.count[i];
                 }
@@ -594,6 +596,36 @@ mod tests {
                 assert!((change.len() - HEADER_BYTES) * 4 < (without.len() - HEADER_BYTES) * 3, "{}", change.len());
             }
             tracked = tracked.decode(&change, &STEP).unwrap();
+        }
+    }
+
+    #[test]
+    fn counts_that_are_balanced_leave_no_gaussian_out() {
+        for weighted in [false, true] {
+            let (mut start, precision) = (block(100, 5, weighted), ChangePrecision::default());
+            // Half of them are about to go.
+            (0..50).for_each(|i| start.gaussians.count[i] = 1.0);
+            start.count = start.gaussians.count.iter().sum::<f64>() as u64;
+            let tracked = TrackedBlock::new(start.clone());
+            let mut wanted = start.clone();
+            (0..50).for_each(|i| wanted.gaussians.count[i] = 0.52);
+            let next_of = |gaussians: &Mixture| {
+                let block = Block { gaussians: gaussians.clone(), ..start.clone() };
+                let bytes = tracked.encode(&target(&block, &[false; 100]), &STEP, &precision).unwrap();
+                tracked.decode(&bytes, &STEP).unwrap()
+            };
+            let next = next_of(&wanted.gaussians);
+            // All counts of the first half smaller, by as much as they may.
+            let responses: Vec<f32> = (0..100).map(|i| if i < 50 { 1.0 } else { 0.0 }).collect();
+            let balance = CountBalance { responses: &responses, wanted: &[-5.0], within: 1e-3 };
+            let (mut gaussians, counts) = (wanted.gaussians.clone(), wanted.gaussians.count.clone());
+            let factors = tracked.balance_counts(&next, (&mut gaussians, &counts), &precision, &balance).unwrap();
+            assert!(factors[..50].iter().filter(|f| **f < 1.0).count() > 20 && factors[50..].iter().all(|f| *f == 1.0));
+            assert_eq!(next_of(&gaussians).origin, next.origin);
+            let short = CountBalance { responses: &responses[1..], ..balance };
+            assert!(tracked.balance_counts(&next, (&mut gaussians, &counts), &precision, &short).is_err());
+            let other = TrackedBlock::new(block(99, 5, weighted));
+            assert!(other.balance_counts(&next, (&mut gaussians, &counts), &precision, &balance).is_err());
         }
     }
 

@@ -104,13 +104,14 @@ impl PowerTarget {
     }
 
     /// A mixture's power against it; with that of a `previous` mixture from which it differs in a few Gaussians, sooner.
+    /// One of another number of Gaussians is of no use.
     pub fn deviation(
         &self,
         mixture: &Mixture,
         previous: Option<PowerDeviation>,
         context: &Context<'_>,
     ) -> Result<PowerDeviation> {
-        let (mut deposited, mut field) = match previous {
+        let (mut deposited, mut field) = match previous.filter(|p| p.deposited.0.len() == mixture.len()) {
             Some(previous) => previous.deposited,
             None => {
                 particlegs_files::memory::require("a density grid", deposit_bytes(&self.grid, 0))?;
