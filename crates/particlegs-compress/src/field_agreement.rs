@@ -3,9 +3,9 @@
 use super::FieldSelection;
 use particlegs_core::context::Context;
 use particlegs_core::math::each_axis;
-use particlegs_core::model::{Block, CERTIFIED_FIELDS, FieldAgreements, FieldMoments, Model};
-use particlegs_core::{Result, parallel};
-use particlegs_fit::{BlockField, FieldMeans, FieldShape, gather};
+use particlegs_core::model::{Block, CERTIFIED_FIELDS, FieldAgreements, FieldMoments, Metadata, Model};
+use particlegs_core::{Result, codec, parallel};
+use particlegs_fit::{FieldMeans, FieldShape, gather};
 use particlegs_measure::score::{FieldCellSums, FieldCellTable, FieldCells, FieldPlace};
 use particlegs_particles::{ChunkBuffer, RUN};
 
@@ -15,9 +15,9 @@ const LEAST_PARTICLES: u64 = 200;
 const RUNS: usize = 4;
 
 impl FieldSelection<'_> {
-    /// Gathers the first fields from a random half of the particles, as [`FieldSelection::add_to_model`] does from all,
-    /// for the Gaussians of a `model` that was made of all, and compares with the other half: means in cells, whose
-    /// sampling noise is independent in the halves. Of many particles, those of some regions. `None` without fields.
+    /// Gathers the first fields from a random half of the particles, and rounds them, as [`FieldSelection::add_to_model`]
+    /// does of all, for the Gaussians of a `model` that was made of all, and compares with the other half: means of values
+    /// in cells, whose sampling noise is independent in the halves. Of many particles, those of some regions. `None` without fields.
     pub fn agreement(&self, model: &Model, seed: u64, context: &Context<'_>) -> Result<Option<FieldAgreements>> {
         self.agreement_by(model, seed, false, context)
     }
@@ -107,10 +107,24 @@ impl FieldSelection<'_> {
             Ok(())
         };
         let numbers = self.numbers(index);
-        let gathered = match of_model {
-            true => blocks.iter().map(|b| self.fields_of(b, &numbers, &shapes)).collect(),
-            false => gather(blocks, &particles, &shapes, &read, context)?,
+        let coded_anew;
+        let with_fields = match of_model {
+            true => blocks,
+            false => {
+                // Rounded as a file has them.
+                let gathered = gather(blocks, &particles, &shapes, &read, context)?;
+                let sections = blocks.iter().zip(gathered).map(|(block, fields)| {
+                    let stored = numbers.iter().zip(fields).map(|(n, f)| self.section(*n, &f, block, None));
+                    stored.collect::<Vec<_>>()
+                });
+                let metadata = Metadata { fields: self.quantities().to_vec(), ..model.metadata.clone() };
+                let alone = Model { layers: vec![model.layers[at].clone()], certificate: None, metadata };
+                coded_anew = codec::with_fields(alone, &sections.collect::<Vec<_>>(), &|_, _| None)?;
+                &coded_anew.layers[0].content
+            }
         };
+        let fields: Vec<Vec<FieldMoments>> =
+            with_fields.iter().map(|block| self.fields_of(block, &numbers, &shapes)).collect();
         let means = FieldMeans::new(blocks, context);
         let runs = particles.len().div_ceil(RUN);
         for first in (0..runs).step_by(RUNS) {
@@ -124,7 +138,7 @@ impl FieldSelection<'_> {
                 let is_second = |place: &Option<FieldPlace>| place.is_some_and(|p| p.half == 1);
                 let place = |i: usize| each_axis(|k| particles.origin[k] + f64::from(chunk.position[k][i]));
                 let second: Vec<usize> = (0..chunk.len()).filter(|i| is_second(&places[run][*i])).collect();
-                let model_means = means.at(&gathered, &second.iter().map(|i| place(*i)).collect::<Vec<_>>());
+                let model_means = means.at(&fields, &second.iter().map(|i| place(*i)).collect::<Vec<_>>());
                 let mut places_of_second = 0..;
                 let mut contributions = Vec::with_capacity(chunk.len() * shapes.len());
                 for (i, place) in places[run].iter().enumerate() {
@@ -133,7 +147,8 @@ impl FieldSelection<'_> {
                     let weight = chunk.weight.map_or(1.0, |w| f64::from(w[i]));
                     let mut column = 0;
                     for (field, (number, shape)) in numbers.iter().zip(&shapes).enumerate() {
-                        let first = column;
+                        // The values of a logarithmic field come after their logarithms.
+                        let first = column + usize::from(shape.logarithmic);
                         column += shape.columns();
                         if values[first][i].is_nan() {
                             continue;
@@ -162,7 +177,7 @@ impl FieldSelection<'_> {
     }
 
     /// The fields of a block's Gaussians by their numbers, in such shapes.
-    fn fields_of(&self, block: &Block, numbers: &[usize], shapes: &[FieldShape<'_>]) -> Vec<BlockField> {
+    fn fields_of(&self, block: &Block, numbers: &[usize], shapes: &[FieldShape<'_>]) -> Vec<FieldMoments> {
         let g = &block.gaussians;
         let none = |components: usize| {
             let mut none = FieldMoments { range: vec![[0.0; 2]; components], ..FieldMoments::new(components) };
@@ -170,11 +185,10 @@ impl FieldSelection<'_> {
             none.slope.iter_mut().flatten().for_each(|column| column.resize(g.len(), 0.0));
             none
         };
-        let block_field = |(number, shape): (&usize, &FieldShape<'_>)| {
+        let moments = |(number, shape): (&usize, &FieldShape<'_>)| {
             let moments = g.fields.get(&self.quantities()[*number].name);
-            let moments = moments.filter(|f| f.components() == shape.components);
-            BlockField { moments: moments.cloned().unwrap_or_else(|| none(shape.components)), sums: Vec::new() }
+            moments.filter(|f| f.components() == shape.components).cloned().unwrap_or_else(|| none(shape.components))
         };
-        numbers.iter().zip(shapes).map(block_field).collect()
+        numbers.iter().zip(shapes).map(moments).collect()
     }
 }

@@ -4,9 +4,11 @@
 use super::CompressedModel;
 use particlegs_core::codec::{FieldPrecision, PreviousField, StoredSection};
 use particlegs_core::context::Context;
-use particlegs_core::model::{Certificate, LawKind, Metadata, Model, Quantity, QuantityKind, SharedSpecies, Unit};
+use particlegs_core::model::{
+    Block, Certificate, LawKind, Metadata, Model, Quantity, QuantityKind, SharedSpecies, Unit,
+};
 use particlegs_core::{Error, Hint, Result, codec, parallel};
-use particlegs_fit::{FieldShape, correlations, gather};
+use particlegs_fit::{BlockField, FieldShape, correlations, gather};
 use particlegs_particles::{ChunkBuffer, FieldColumns, LayerFields, Particles, RUN, StarFormingGas};
 use particlegs_reference::FieldValues;
 
@@ -346,7 +348,6 @@ impl<'a> FieldSelection<'a> {
         before: &dyn Fn([usize; 2], &Quantity) -> Option<PreviousField<'b>>,
         context: &Context<'_>,
     ) -> Result<Vec<Vec<StoredSection>>> {
-        let precision = &FieldPrecision::default();
         let mut sections: Vec<Vec<Vec<StoredSection>>> =
             model.layers.iter().map(|l| vec![Vec::new(); l.content.len()]).collect();
         for (index, layer) in self.particles.layers().iter().enumerate() {
@@ -367,22 +368,26 @@ impl<'a> FieldSelection<'a> {
                     stored.push(StoredSection { tag: codec::CORRELATION, bytes });
                 }
                 for (n, f) in chosen.iter().zip(fields) {
-                    let quantity = &self.plan.quantities[*n];
-                    let before = before([at, number], quantity);
-                    let bytes = codec::encode_field(
-                        (*n as u8, quantity),
-                        &f.moments,
-                        &block.gaussians,
-                        &f.sums,
-                        precision,
-                        before.as_ref(),
-                    );
-                    let tag = if before.is_some() { codec::FIELD_CHANGE } else { codec::FIELD };
-                    stored.push(StoredSection { tag, bytes });
+                    stored.push(self.section(*n, &f, block, before([at, number], &self.plan.quantities[*n])));
                 }
             }
         }
         Ok(sections.concat())
+    }
+
+    /// Field `number` of a block, coded: as a change from what its Gaussians had in the frame `before`.
+    pub(super) fn section(
+        &self,
+        number: usize,
+        field: &BlockField,
+        block: &Block,
+        before: Option<PreviousField<'_>>,
+    ) -> StoredSection {
+        let (quantity, precision) = (&self.plan.quantities[number], FieldPrecision::default());
+        let of_field = (number as u8, quantity);
+        let BlockField { moments, sums } = field;
+        let bytes = codec::encode_field(of_field, moments, &block.gaussians, sums, &precision, before.as_ref());
+        StoredSection { tag: if before.is_some() { codec::FIELD_CHANGE } else { codec::FIELD }, bytes }
     }
 }
 

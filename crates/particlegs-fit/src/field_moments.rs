@@ -170,8 +170,8 @@ impl<'a> FieldMeans<'a> {
         FieldMeans { blocks, finder: BlockFinder::new(blocks), assignments }
     }
 
-    /// Of each of the fields the mean of each component at each of the places; components beyond its own are 0.
-    pub fn at(&self, fields: &[Vec<BlockField>], places: &[[f64; 3]]) -> Vec<Vec<[f64; 3]>> {
+    /// Of each of the fields the mean of the values of each component at each of the places; components beyond its own are 0.
+    pub fn at(&self, fields: &[Vec<FieldMoments>], places: &[[f64; 3]]) -> Vec<Vec<[f64; 3]>> {
         let mut means = vec![vec![[0.0; 3]; places.len()]; fields.first().map_or(0, Vec::len)];
         for (number, at) in self.finder.sorted(places).iter().enumerate() {
             let g = &self.blocks[number].gaussians;
@@ -180,10 +180,12 @@ impl<'a> FieldMeans<'a> {
                 let place = at[shares.particle(s)];
                 let d = each_axis(|k| places[place][k] - g.mean[k][i]);
                 let share = f64::from(shares.share[s]);
-                for (means, BlockField { moments, .. }) in means.iter_mut().zip(&fields[number]) {
-                    // Slopes of few particles reach far: values that are drawn stay within the range, too.
+                for (means, moments) in means.iter_mut().zip(&fields[number]) {
                     for (c, [least, largest]) in moments.range.iter().enumerate() {
-                        means[place][c] += share * moments.mean_at(c, i, d).clamp(*least, *largest);
+                        let value = moments.value_at(c, i, d);
+                        // Slopes of few particles reach far: values that are drawn stay within the range, too.
+                        let value = if moments.excess.is_some() { value } else { value.clamp(*least, *largest) };
+                        means[place][c] += share * value;
                     }
                 }
             }
@@ -207,7 +209,8 @@ struct FieldSums {
     /// The first of its columns.
     column: usize,
     /// A row for each Gaussian: number and weight; weighted place from the mean and its products; values, products of
-    /// values with places, products of values; the values themselves where these are logarithms.
+    /// values with places, products of values; where these are logarithms, products of the values themselves with places
+    /// and with themselves, and the values themselves.
     rows: Vec<f64>,
     totals: FieldTotals,
     /// Densities by the moments of the pass before, one a Gaussian; empty in the first pass.
@@ -391,7 +394,13 @@ impl FieldRun {
                 }
             }
             if logarithmic {
-                total[product] += w * gathered(simd, &self.values[column + 1], particle);
+                let values = gathered(simd, &self.values[column + 1], particle);
+                let weighed_values = w * values;
+                for k in 0..3 {
+                    total[product + k] += weighed_values * place[k];
+                }
+                total[product + 3] += weighed_values * values;
+                total[product + 4] += weighed_values;
             }
         }
         for (sum, lanes) in row.iter_mut().zip(total) {
@@ -453,7 +462,8 @@ fn lanes<S: Simd>(simd: S, len: usize, value: impl Fn(usize) -> f64) -> f64x8<S>
 
 impl FieldSums {
     fn width(&self) -> usize {
-        11 + 4 * self.components + self.components * (self.components + 1) / 2 + usize::from(self.logarithmic)
+        let of_values = if self.logarithmic { 5 } else { 0 };
+        11 + 4 * self.components + self.components * (self.components + 1) / 2 + of_values
     }
 
     /// Sums over particles of their values.
@@ -577,8 +587,7 @@ impl FieldSums {
         let mut out = if self.logarithmic { FieldMoments::logarithmic() } else { FieldMoments::new(components) };
         let mut regressions = Vec::with_capacity(g.len());
         for (i, row) in rows().enumerate() {
-            let most = if self.logarithmic { MOST_EXPLAINED_OF_LOGARITHMS } else { 1.0 };
-            let regression = Regression::new(row, at, components, (&g.cov_of(i), most));
+            let regression = Regression::new(row, at, (components, self.logarithmic), &g.cov_of(i));
             if let Some(f) = &regression {
                 spreads.iter_mut().zip(&f.spread).for_each(|(s, v)| *s += row[1] * v);
             }
@@ -628,9 +637,9 @@ struct Regression {
 }
 
 impl Regression {
-    /// `None` without particles. Across a Gaussian of covariance `cov` slopes explain no more than this part of the
+    /// `None` without particles. Across a Gaussian of covariance `cov_of_all` slopes explain no more than a part of the
     /// variance: those of few particles that lie close together would reach far.
-    fn new(row: &[f64], at: usize, c: usize, (cov_of_all, most): (&Sym3, f64)) -> Option<Regression> {
+    fn new(row: &[f64], at: usize, (c, logarithmic): (usize, bool), cov_of_all: &Sym3) -> Option<Regression> {
         let (number, w) = (row[0], row[1]);
         if number < 1e-3 || w <= 0.0 {
             return None;
@@ -641,14 +650,21 @@ impl Regression {
         let mean: Vec<f64> = (0..c).map(|a| row[at + a] / w).collect();
         // A slope along an axis without extent means nothing: some of the trace keeps the inverse finite.
         let inverse = cov.add(&Sym3::scaled_identity(1e-6 * cov.trace() + 1e-300)).inverse();
-        let shrink = number / (number + SLOPE_PRIOR);
+        // Of logarithms the slope puts the centre of the values where the particles have it: exp(g x) moves a normal
+        // distribution of covariance C by C g. Of two phases the slope of the logarithms would move it much further.
+        let of_values = row.last_chunk::<5>().filter(|[.., sum]| logarithmic && *sum > 0.0);
+        let counted = of_values.map_or(number, |[.., square, sum]| number * sum * sum / (w * square));
+        let shrink = counted / (counted + SLOPE_PRIOR);
         let slope: Vec<[f64; 3]> = (0..c)
             .map(|a| {
-                let place_covariance: [f64; 3] = each_axis(|k| row[at + c + 3 * a + k] / w - mean[a] * place[k]);
+                let place_covariance: [f64; 3] = match of_values {
+                    Some([x, y, z, _, sum]) => each_axis(|k| [x, y, z][k] / sum - place[k]),
+                    None => each_axis(|k| row[at + c + 3 * a + k] / w - mean[a] * place[k]),
+                };
                 let slope = inverse.map_or([0.0; 3], |i| i.apply(place_covariance).map(|v| v * shrink));
                 let explained = cov_of_all.quadratic(slope);
                 let variance = row[at + 4 * c + a * (2 * c - a + 1) / 2] / w - mean[a] * mean[a];
-                let most = most * variance.max(0.0);
+                let most = if logarithmic { MOST_EXPLAINED_OF_LOGARITHMS } else { 1.0 } * variance.max(0.0);
                 let scale = if explained > most { (most / explained).sqrt() } else { 1.0 };
                 slope.map(|v| v * scale)
             })

@@ -117,7 +117,7 @@ impl DrawRules {
         let random =
             |name: &str| Random::from_purpose(Purpose::RecoveredField, self.stream(name) ^ particle_run.stream, number);
         let joint = correlated_normals(
-            &layer.layer.content,
+            (&layer.layer.content, &layer.phases),
             || layer.parts(range.clone()),
             |name| {
                 let mut normals = vec![0.0; n];
@@ -135,7 +135,7 @@ impl DrawRules {
                 run.fields.push(self.draw_category(category, &particle_run, &mut random(name), scratch));
                 continue;
             }
-            self.draw_field((field, joint.get(name)), &particle_run, &mut random(name), scratch, &mut run.fields);
+            self.draw_field((name, field, joint.get(name)), &particle_run, &mut random(name), scratch, &mut run.fields);
             // Values of sums are stored over weights: a particle gets its weight times as much.
             if !self.extensive.iter().any(|extensive_name| extensive_name == name) {
                 continue;
@@ -203,7 +203,7 @@ impl DrawRules {
     /// spread, by `joint` normal numbers if the field correlates with others.
     fn draw_field(
         &self,
-        (field, joint): (&FieldMoments, Option<&Vec<f64>>),
+        (name, field, joint): (&str, &FieldMoments, Option<&Vec<f64>>),
         particle_run: &ParticleRun<'_>,
         random: &mut Random,
         scratch: &mut DrawScratch,
@@ -227,14 +227,15 @@ impl DrawRules {
                 _ => Sym3(std::array::from_fn(|k| field.spread[k][gaussian])),
             };
             let [a, b, c, d, e, f] = SampledGaussian::new([0.0; 3], &spread, 1.0).root;
-            let phases = field.excess.as_ref().map(|e| TwoNormals::new(spread.0[0], e[gaussian]));
+            let phases = TwoNormals::of_field(field, gaussian, layer.phases.get(name), g);
             for i in part {
                 let from_mean = [0, 1, 2].map(|k| position[k][i] - mean[k]);
                 let z = [0, 1, 2].map(|k| left.get(k * n + i).copied().unwrap_or(0.0));
                 let drawn = [a * z[0], b * z[0] + c * z[1], d * z[0] + e * z[1] + f * z[2]];
-                if let Some(phases) = &phases {
+                if let Some((phases, follows_slope)) = &phases {
                     let [least, largest] = field.range[0];
-                    let log = field.mean_at(0, gaussian, from_mean)
+                    let place = if *follows_slope { from_mean } else { [0.0; 3] };
+                    let log = field.mean_at(0, gaussian, place)
                         + if joint.is_some() { phases.quantile(z[0]) } else { phases.draw([z[0], z[1]]) };
                     // Of libm, which gives the same bits on every machine.
                     columns[first][i] = libm::exp(log.max(least).min(largest));

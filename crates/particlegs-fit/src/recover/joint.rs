@@ -1,6 +1,6 @@
 //! Normal numbers that scalar fields are drawn by, so that values correlate within each Gaussian as the model states.
 
-use super::two_normals::TwoNormals;
+use super::two_normals::{TwoNormals, TwoPhases};
 use particlegs_core::model::{Columns, Mixture};
 use std::ops::Range;
 
@@ -10,7 +10,7 @@ const LEAST_LEFT: f64 = 1e-6;
 /// For each scalar that correlates with another, numbers of a standard normal distribution for the particles that
 /// `parts` shares among the Gaussians: made of `normals`, numbers of the field's own.
 pub(super) fn correlated_normals<P: Iterator<Item = (usize, Range<usize>)>>(
-    g: &Mixture,
+    (g, phases): (&Mixture, &Columns<TwoPhases>),
     parts: impl Fn() -> P,
     normals: impl FnMut(&str) -> Vec<f64>,
 ) -> Columns<Vec<f64>> {
@@ -18,7 +18,7 @@ pub(super) fn correlated_normals<P: Iterator<Item = (usize, Range<usize>)>>(
     let names: Vec<&str> = g.fields.iter().map(|f| f.0).filter(is_joint).collect();
     let mut draws: Vec<Vec<f64>> = names.iter().copied().map(normals).collect();
     for (gaussian, part) in parts().filter(|_| !names.is_empty()) {
-        let root = root(g, &names, gaussian);
+        let root = root((g, phases), &names, gaussian);
         for i in part {
             // From the last to the first: each is made of those before it.
             for (k, row) in root.iter().enumerate().rev() {
@@ -33,11 +33,14 @@ pub(super) fn correlated_normals<P: Iterator<Item = (usize, Range<usize>)>>(
 
 /// The rows of a lower triangle whose product with its transpose has the correlations of a Gaussian's fields, as near
 /// as there are fields that have them.
-fn root(g: &Mixture, names: &[&str], gaussian: usize) -> Vec<Vec<f64>> {
+fn root((g, phases): (&Mixture, &Columns<TwoPhases>), names: &[&str], gaussian: usize) -> Vec<Vec<f64>> {
     let gain = |name: &&str| match g.fields.get(name) {
         // Values that are not normal correlate less than what they are drawn by: to first order, so that pairs of
         // skewed distributions that fall as the other rises still miss a third of it.
-        Some(f) => f.excess.as_ref().map_or(1.0, |e| TwoNormals::new(f.spread[0][gaussian], e[gaussian]).gain()),
+        Some(f) => {
+            let normals = TwoNormals::of_field(f, gaussian, phases.get(name), g);
+            normals.map_or(1.0, |(normals, _)| normals.gain())
+        }
         None => 1.0,
     };
     let gains: Vec<f64> = names.iter().map(gain).collect();
@@ -104,7 +107,8 @@ mod tests {
         ] {
             let m = mixture(excess, pairs);
             let part = || std::iter::once((0, 0..COUNT));
-            let drawn = correlated_normals(&m, part, |name| normals(u64::from(name.as_bytes()[0])));
+            let drawn =
+                correlated_normals((&m, &Columns::default()), part, |name| normals(u64::from(name.as_bytes()[0])));
             let value = |name: &str| -> Vec<f64> {
                 let (field, z) = (m.fields.get(name).unwrap(), drawn.get(name).unwrap());
                 let phases = TwoNormals::new(4.0, field.excess.as_ref().map_or(0.0, |e| e[0]));
@@ -117,8 +121,16 @@ mod tests {
         }
         // Correlations that no fields can have give some that are numbers.
         let m = mixture([None; 3], [0.99, 0.99, -0.99]);
-        let drawn = correlated_normals(&m, || std::iter::once((0, 0..COUNT)), |n| normals(u64::from(n.as_bytes()[0])));
+        let drawn = correlated_normals(
+            (&m, &Columns::default()),
+            || std::iter::once((0, 0..COUNT)),
+            |n| normals(u64::from(n.as_bytes()[0])),
+        );
         assert!(drawn.get("c").unwrap().iter().all(|v| v.abs() < 6.0));
-        assert!(correlated_normals(&Mixture::new(false), std::iter::empty, |_| normals(1)).get("a").is_none());
+        assert!(
+            correlated_normals((&Mixture::new(false), &Columns::default()), std::iter::empty, |_| normals(1))
+                .get("a")
+                .is_none()
+        );
     }
 }

@@ -1,9 +1,10 @@
 //! The share of each Gaussian in the particles that are drawn.
 
 use super::options::Method;
+use super::two_normals::TwoPhases;
 use particlegs_core::codec::whole_counts;
 use particlegs_core::math::Sym3;
-use particlegs_core::model::{Block, Layer, Mass, Metadata, Mixture, Model, Quantity};
+use particlegs_core::model::{Block, Columns, Layer, Mass, Metadata, Mixture, Model, Quantity};
 use particlegs_core::{Error, Result};
 use particlegs_particles::{Particles, RUN, SnapshotMeta};
 use std::ops::Range;
@@ -21,6 +22,8 @@ pub(super) struct LayerPlan {
     pub weights: Vec<f32>,
     /// Particles of the layers before.
     pub first: u64,
+    /// Of fields that have them.
+    pub phases: Columns<TwoPhases>,
 }
 
 impl LayerPlan {
@@ -131,7 +134,11 @@ impl LayerPlan {
             blocks.for_each(|b| gaussians.append(&b));
             gaussians
         });
-        LayerPlan { layer, ends: Vec::new(), weights: Vec::new(), first: 0 }
+        let mut phases = Columns::default();
+        for (name, field) in layer.content.fields.iter() {
+            TwoPhases::new(field, &layer.content).into_iter().for_each(|of_field| phases.set(name, of_field));
+        }
+        LayerPlan { layer, ends: Vec::new(), weights: Vec::new(), first: 0, phases }
     }
 
     /// The Gaussians of the particles `range` of the layer, and which of these particles, counted from the first, are

@@ -7,12 +7,14 @@ use particlegs_core::model::{FieldAgreement, Metadata};
 use particlegs_particles::Domain;
 use std::collections::BTreeMap;
 
-/// Edge of a cell in mean spacings: 64 particles in a cell on average.
-const CELL: f64 = 4.0;
+/// Edge of a cell in mean spacings: 8 particles in a cell on average, as for a density's finest cells.
+const CELL: f64 = 2.0;
 /// Cells along the longest edge at most.
 const MOST_CELLS: f64 = 256.0;
 /// Cells of both halves that say something, at least.
 const LEAST_CELLS: usize = 8;
+/// Standard errors of noise alone that the variance of means is above.
+const STANDS_OUT: f64 = 4.0;
 /// Cells along the edge of a region, and particles that are looked at, about: of more, those of some regions, this many
 /// at least.
 const REGION: usize = 8;
@@ -86,7 +88,7 @@ impl FieldCells {
 fn compared<'a>(sums: impl Iterator<Item = &'a FieldCellSums>) -> FieldAgreement {
     let cells: Vec<&FieldCellSums> = sums.filter(|s| s[0] > 0.0 && s[1] > 0.0).collect();
     let total: f64 = cells.iter().map(|s| s[0] + s[1]).sum();
-    let (mut signal, mut error) = (0.0, 0.0);
+    let (mut signal, mut error, mut square) = (0.0, 0.0, 0.0);
     for c in 0..3 {
         let means = |s: &FieldCellSums| [s[2 + 3 * c] / s[0], s[3 + 3 * c] / s[1], s[4 + 3 * c] / s[1]];
         let mean: [f64; 3] = each_axis(|k| cells.iter().map(|s| (s[0] + s[1]) * means(s)[k]).sum::<f64>() / total);
@@ -99,10 +101,13 @@ fn compared<'a>(sums: impl Iterator<Item = &'a FieldCellSums>) -> FieldAgreement
         };
         // The halves' noise is independent: their covariance is the variance of the means without noise.
         signal += covariance(0, 1);
+        square += covariance(0, 0) * covariance(1, 1);
         // The mean square of model - truth, of terms that the noise of the second half does not enter.
         error += covariance(0, 1) + covariance(2, 2) - 2.0 * covariance(1, 2);
     }
-    if cells.len() < LEAST_CELLS || signal.is_nan() || signal <= 0.0 {
+    // The covariance of what is noise alone has this standard error.
+    let by_chance = (square / cells.len() as f64).sqrt();
+    if cells.len() < LEAST_CELLS || signal.is_nan() || signal <= STANDS_OUT * by_chance {
         return FieldAgreement::default();
     }
     let root = |v: f64| v.max(0.0).sqrt().min(f64::from(f32::MAX));
