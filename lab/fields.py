@@ -121,7 +121,7 @@ def main() -> None:
     haloes = Haloes(a.snapshot / "haloes.csv", place, length) if (a.snapshot / "haloes.csv").exists() else None
     p0, p2 = spectrum.in_redshift_space(place, velocity)
     truth = haloes.dispersions(place, velocity) if haloes else None
-    monopole, quadrupole, dispersion, correlation = [], [], [], []
+    monopole, quadrupole, dispersion, correlation, square = [], [], [], [], []
     for seed in range(a.draws):
         with tempfile.TemporaryDirectory() as folder:
             command = [a.program, "recover", a.model, "-o", f"{folder}/drawn", "--seed", str(seed), "--quiet"]
@@ -129,6 +129,7 @@ def main() -> None:
             drawn = columns(Path(folder, "drawn"), ["xx", "yy", "zz"]) % length
             moving = columns(Path(folder, "drawn"), [f"velocity_{a}" for a in AXES])
         own = spectrum.in_redshift_space(drawn, moving)
+        square.append((moving**2).sum() / len(moving) / ((velocity**2).sum() / len(velocity)))
         monopole.append(own[0] / p0)
         quadrupole.append((own[1] - p2) / p0)
         if haloes:
@@ -147,7 +148,8 @@ def main() -> None:
         if spread is None:
             print("|---" * (len(values) + 1) + "|")
     cells = np.mean(correlation, 0)
-    print(f"\nMomentum of drawn particles in cells of 1 Mpc/h, correlation along x, y, z: {np.round(cells[:3], 4)}")
+    print(f"\nMean square of velocities, drawn / particles: {np.mean(square):.4f} ± {np.std(square):.4f}")
+    print(f"Momentum of drawn particles in cells of 1 Mpc/h, correlation along x, y, z: {np.round(cells[:3], 4)}")
     print(f"Line-of-sight momentum map at 0.25 Mpc/h: {np.round(cells[3:], 4)}")
     if haloes:
         median = np.nanmedian(dispersion, 0)

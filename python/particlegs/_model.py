@@ -155,7 +155,7 @@ class Model:
     def findings(self) -> list[dict[str, str]]:
         """The verdict of the certificate by use: dicts of ``use``, ``word`` and ``why``.
 
-        `word` is ``holds``, ``roughly``, ``does not`` or ``not measured``.
+        `word` is ``good``, ``fair``, ``poor`` or ``not measured``.
         """
         return [dict(finding) for finding in self._description["verdict"]]
 
@@ -808,7 +808,7 @@ def _rows(model: Model) -> Iterator[tuple[str, str]]:
     words: dict[str, list[str]] = {}
     for finding in model.findings:
         words.setdefault(finding["word"], []).append(finding["use"].replace("_", " "))
-    for word in ("holds", "roughly", "does not", "cannot tell", "not measured"):
+    for word in ("good", "fair", "poor", "cannot tell", "not measured"):
         if word in words:
             yield word, ", ".join(words[word])
 

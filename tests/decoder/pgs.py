@@ -569,6 +569,7 @@ GROUPS = {
     11: [("H", SOME), ("H", SOME), *[("f", TINY), ("f", (TINY[0], 1)), ("B", MARK), *LOOK, *LOOK] * 7],
     12: [("I", COUNT)],
     13: [("B", (0, 3)), ("d", REAL), ("d", REAL), ("d", SIGNED)],
+    16: CELLS[1:3] * 3,
 }
 
 
@@ -587,7 +588,7 @@ def certificate(content):
             found[tag] = figures(value, LAYERS * min(length // 28, 7))
         elif tag in GROUPS:
             found[tag] = figures(value, GROUPS[tag])
-    check(1 in found and 2 in found, "a group is missing")
+    check(1 in found and 2 in found and (16 not in found or 3 in found), "a group is missing")
     if 4 in found:
         largest = found[4][2]
         check(all(isinstance(k, str) or k <= largest for k in found[4][3:7]), "a wave number of the statistics")

@@ -34,7 +34,7 @@ export function summaryTable({ name, about, series }: Pane, size: number, verdic
 
 function verdicts(verdict: Verdict[] | undefined): HTMLElement {
   if (!verdict || verdict.length === 0) return h("p", { class: "hint", text: "This file has no certificate, so its accuracy was not measured." });
-  const mark: Record<string, string> = { holds: "✓", roughly: "≈", "does not": "✗" };
+  const mark: Record<string, string> = { good: "✓", fair: "≈", poor: "✗" };
   return h("ul", { class: "verdict" }, ...verdict.map((v) =>
     h("li", {},
       h("b", { text: `${mark[v.word] ?? "·"} ${v.use.replaceAll("_", " ")}` }), `: ${v.word}`, h("small", { text: v.why }))));

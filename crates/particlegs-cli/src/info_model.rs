@@ -277,7 +277,7 @@ pub fn describe_new_model<T>(
     context: &Context<'_>,
 ) -> (String, Vec<Assessment>) {
     let v = Assessment::verdict(c, metadata);
-    let poor = |f: &&Assessment| matches!(f.of, UseCase::Pictures | UseCase::Density) && f.word == Grade::DoesNot;
+    let poor = |f: &&Assessment| matches!(f.of, UseCase::Pictures | UseCase::Density) && f.word == Grade::Poor;
     let poor: Vec<String> = v.iter().filter(poor).map(|f| format!("{}: {}", f.of.name(), f.figure())).collect();
     if !poor.is_empty() {
         context.message(&format!("warning: the model shows little of these particles: {}", poor.join("; ")));

@@ -263,7 +263,7 @@ fn forged_fields_are_told() {
     let _ = dir.command("verify f.pgs snap -q --json f.json").output().unwrap();
     let verdict = dir.json("f.json")["verdict"].clone();
     let velocity = verdict.as_array().unwrap().iter().find(|f| f["why"].as_str().unwrap().starts_with("velocity"));
-    assert_eq!(velocity.unwrap()["word"], "does not", "{verdict}");
+    assert_eq!(velocity.unwrap()["word"], "poor", "{verdict}");
 }
 
 /// A series of gaps takes no more memory than its bytes justify.

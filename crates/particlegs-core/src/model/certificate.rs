@@ -3,9 +3,9 @@
 use super::metric::{MetricField, MetricVisitor, OptionalGroup, RequiredGroup, record};
 use super::metrics::{CELL_NAMES, CLASS_NAMES};
 use super::{
-    CellDensity, CertificateLevel, CrossValidation, DensityMetrics, FieldAgreements, GoalResult, GroupClass, Layer,
-    LayerRatio, LayerRatios, MassPower, Metric, MetricEntry, MetricGroup, MetricValue, Pictures, Sample,
-    ScienceMetrics, Spacing, Subset, ViewMetrics, species_title,
+    CellDensity, CertificateLevel, CrossValidation, DensityMetrics, DrawnDensity, FieldAgreements, GoalResult,
+    GroupClass, Layer, LayerRatio, LayerRatios, MassPower, Metric, MetricEntry, MetricGroup, MetricValue, Pictures,
+    Sample, ScienceMetrics, Spacing, Subset, ViewMetrics, species_title,
 };
 use crate::model::{Coding::Whole, Tolerance};
 use std::convert::Infallible;
@@ -69,6 +69,9 @@ record! {
         /// Agreement of fields with those of particles that they were not gathered from.
         fields: Option<FieldAgreements> =
             group(15, SOME, "fields", "means of fields in cells, gathered from half the particles, of the other half", "");
+        /// The density of particles drawn, in the cells of `densities`.
+        drawn_densities: Option<[DrawnDensity; 3]> = group(16, SOME, "drawn density",
+            "density of as many particles drawn, in the same cells", CELL_NAMES);
     }
 }
 
@@ -100,6 +103,9 @@ impl Certificate {
                 .any(|w| !near(w[1].edge, 2.0 * w[0].edge) || !near(w[1].particles, 8.0 * w[0].particles))
         {
             return Err("each cell size must be twice the one before".into());
+        }
+        if self.drawn_densities.is_some() && self.densities.is_none() {
+            return Err("the density of drawn particles has no cells".into());
         }
         Ok(())
     }

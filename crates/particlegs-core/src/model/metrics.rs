@@ -154,6 +154,14 @@ record! {
 }
 
 record! {
+    /// The density of as many particles drawn from a model as the snapshot has, against the snapshot's, in cells of one size.
+    DrawnDensity {
+        correlation: f64 = CORRELATION;
+        mean_absolute_error: f64 = ERROR;
+    }
+}
+
+record! {
     /// P(k) of mass: of the mixture itself against that of the particles, on the grid and up to the wave number of the
     /// certificate's other spectra.
     MassPower {
@@ -369,10 +377,9 @@ impl Transfer {
 }
 
 impl CrossValidation {
-    /// The wave number up to which every band's deviation, less its scatter, is within `share`; a scatter excuses no more
-    /// than as much again.
+    /// The wave number up to which every band's deviation and its scatter together are within `share`.
     pub fn within(&self, share: f64) -> Option<f64> {
-        let agrees = |t: &&Transfer| t.deviation.is_none_or(|d| d.abs() - t.scatter.min(share) <= share);
+        let agrees = |t: &&Transfer| t.deviation.is_none_or(|d| d.abs() + t.scatter <= share);
         let bands = self.transfer.iter().take_while(agrees).count();
         let measured = self.transfer[..bands].iter().rposition(|t| t.deviation.is_some())?;
         Some(BANDS[measured] * self.k_max)

@@ -28,10 +28,10 @@ pub use metric::{
 };
 pub(crate) use metric::{MetricField, MetricVisitor};
 pub use metrics::{
-    BANDS, CELL_SIZES, CERTIFIED_FIELDS, CellDensity, CrossValidation, DensityMetrics, FieldAgreement, FieldAgreements,
-    GROUP_CLASSES, GroupClass, LayerRatio, LayerRatios, LookSummary, MassPower, OrbitMetrics, PICTURE_OPACITIES,
-    PICTURE_RADII, PICTURE_SETTINGS, POWER_LAYERS, PictureScores, PictureSetting, Pictures, PowerAgreement,
-    SAMPLED_ABOVE, Sample, Spacing, Subset, Transfer, ViewMetrics,
+    BANDS, CELL_SIZES, CERTIFIED_FIELDS, CellDensity, CrossValidation, DensityMetrics, DrawnDensity, FieldAgreement,
+    FieldAgreements, GROUP_CLASSES, GroupClass, LayerRatio, LayerRatios, LookSummary, MassPower, OrbitMetrics,
+    PICTURE_OPACITIES, PICTURE_RADII, PICTURE_SETTINGS, POWER_LAYERS, PictureScores, PictureSetting, Pictures,
+    PowerAgreement, SAMPLED_ABOVE, Sample, Spacing, Subset, Transfer, ViewMetrics,
 };
 pub use mixture::{Block, Columns, MASS, Mixture, Model};
 pub use recipe::{Effort, Recipe, RecipeStep, TrainingRecipe};

@@ -94,11 +94,6 @@ impl Limit {
         }
     }
 
-    /// The limit that reaches less far.
-    pub fn least(self, other: Limit) -> Limit {
-        if self.reaches_beyond(other) { other } else { self }
-    }
-
     /// The place, where there is one.
     pub fn place(self) -> Option<f64> {
         match self {

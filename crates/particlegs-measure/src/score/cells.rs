@@ -4,28 +4,41 @@
 use crate::score::density::{density_agreement, model_and_uniform};
 use crate::stats::{Assignment, Field, Grid, Subject, deposit, deposit_bytes, deposit_steps};
 use particlegs_core::context::Context;
-use particlegs_core::model::{CELL_SIZES, CellDensity, Model};
+use particlegs_core::model::{CELL_SIZES, CellDensity, DrawnDensity, Model};
 use particlegs_core::{Error, Result};
 use particlegs_particles::{Domain, Particles};
 
-/// Compares the densities; `None` where the box holds fewer cells than make a comparison.
+/// Densities in cells of all sizes.
+type CellDensities = [CellDensity; CELL_SIZES];
+
+/// Compares the densities of the model and, where there are any, of particles drawn from it; `None` where the box holds
+/// fewer cells than make a comparison.
 pub(super) fn cell_densities(
     model: &Model,
-    particles: &Particles,
+    (particles, drawn): (&Particles, Option<&Particles>),
     domain: &Domain,
     context: &Context<'_>,
-) -> Result<Option<[CellDensity; CELL_SIZES]>> {
+) -> Result<Option<(CellDensities, Option<[DrawnDensity; CELL_SIZES]>)>> {
     let Some(grid) = finest(domain, particles.len()) else { return Ok(None) };
     let [truth, other] = [Subject::Particles(particles), Subject::Model(model)];
     context.begin("density in cells", deposit_steps(truth, &grid) + deposit_steps(other, &grid));
     let field_of = |subject| deposit(subject, &grid, Assignment::Ngp, 0.0, context);
-    let pair = [field_of(truth)?, field_of(other)?];
+    let truth = field_of(truth)?;
+    let of_drawn = drawn.map(|drawn| field_of(Subject::Particles(drawn))).transpose()?;
+    let of_drawn = of_drawn.and_then(|of_drawn| agreements([truth.clone(), of_drawn], particles.len()));
+    let of_model = agreements([truth, field_of(other)?], particles.len());
     context.end();
-    Ok(agreements(pair, particles.len()))
+    let of_drawn = of_drawn.map(|sizes| {
+        sizes.map(|CellDensity { correlation, mean_absolute_error, .. }| DrawnDensity {
+            correlation,
+            mean_absolute_error,
+        })
+    });
+    Ok(of_model.map(|of_model| (of_model, of_drawn)))
 }
 
 /// The agreement of the particles' field and the model's, both on the grid of the smallest cells; `particles` in all.
-pub(super) fn agreements(pair: [Field; 2], particles: usize) -> Option<[CellDensity; CELL_SIZES]> {
+pub(super) fn agreements(pair: [Field; 2], particles: usize) -> Option<CellDensities> {
     let grid = pair[0].grid;
     let mut pair = pair.map(Masses::from_field);
     let mut densities = Vec::with_capacity(CELL_SIZES);

@@ -73,6 +73,8 @@ impl CertificateInput<'_> {
         // Spectra are of all particles: those drawn for a region say nothing of them.
         let whole = scope.and_then(|(s, first)| s.sample.is_none().then_some(first));
         let science = science(model, particles, whole, &domain, context)?;
+        let (densities, drawn_densities) = cell_densities(model, (particles, whole), &domain, context)?.unzip();
+        let drawn_densities = drawn_densities.flatten();
         let groups = match scope {
             Some((scope, first)) if level == CertificateLevel::Full => matched(scope, first, seed, context)?,
             _ => None,
@@ -83,7 +85,8 @@ impl CertificateInput<'_> {
         Ok(Certificate {
             views,
             density: density_metrics([density, uniform]),
-            densities: cell_densities(model, particles, &domain, context)?,
+            densities,
+            drawn_densities,
             science,
             // Where wave numbers are none that a file holds, neither are these.
             mass_power: match science {

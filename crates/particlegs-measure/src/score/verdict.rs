@@ -3,56 +3,56 @@
 
 use super::science::MOST_DRAWN;
 use particlegs_core::model::{
-    CellDensity, Certificate, FieldAgreement, GROUP_CLASSES, GroupClass, Limit, Metadata, PictureScore, PictureScores,
-    PictureSetting, Quantity, decimals, per_length,
+    CELL_SIZES, CellDensity, Certificate, DrawnDensity, FieldAgreement, GROUP_CLASSES, GroupClass, Limit, Metadata,
+    PictureScore, PictureScores, PictureSetting, Quantity, decimals, per_length,
 };
 use serde::Serialize;
 
-/// Pictures hold where the worst view's masked PSNR against the noise-free picture is this far above the
+/// Pictures are good where the worst view's masked PSNR against the noise-free picture is this far above the
 /// better trivial picture, dB: half of its error, three quarters of its variance. The random subset of the same bytes
 /// must score less: else the particles themselves show as much.
-pub const PICTURES_HOLD: f64 = 6.0;
-/// Pictures hold roughly from here on: seven tenths of its error.
-pub const PICTURES_ROUGHLY: f64 = 3.0;
-/// Pictures at a large radius hold here: a quarter of the error. Theirs are mostly bright, where trivial pictures err
+pub const PICTURES_GOOD: f64 = 6.0;
+/// Pictures are fair from here on: seven tenths of its error.
+pub const PICTURES_FAIR: f64 = 3.0;
+/// Pictures at a large radius are good here: a quarter of the error. Theirs are mostly bright, where trivial pictures err
 /// by a third of white: with half of that the filaments are wrong to the eye.
-pub const LARGE_HOLDS: f64 = 12.0;
-/// A large radius holds roughly from here on.
-pub const LARGE_ROUGHLY: f64 = 6.0;
-/// The density holds from this correlation on, with at most [`DENSITY_ERROR_HOLDS`] of the error of the
-/// better trivial density.
-pub const DENSITY_HOLDS: f64 = 0.99;
-/// The density holds roughly from here on, with less error than the better trivial density.
-pub const DENSITY_ROUGHLY: f64 = 0.9;
-/// The share of the better trivial density's error that [`DENSITY_HOLDS`] allows.
-pub const DENSITY_ERROR_HOLDS: f64 = 0.5;
-/// The power spectrum holds where it is within 1 % and r(k) at least 0.99 up to this share of the wave numbers measured,
-/// and roughly where they are within 5 % and at least 0.9.
+pub const LARGE_GOOD: f64 = 12.0;
+/// A large radius is fair from here on.
+pub const LARGE_FAIR: f64 = 6.0;
+/// The density of the mixture, and of particles drawn from it, is good from this correlation on, with at most
+/// [`DENSITY_ERROR_GOOD`] of the error of the better trivial density.
+pub const DENSITY_GOOD: f64 = 0.99;
+/// The density is fair from here on, with less error than the better trivial density.
+pub const DENSITY_FAIR: f64 = 0.9;
+/// The share of the better trivial density's error that [`DENSITY_GOOD`] allows.
+pub const DENSITY_ERROR_GOOD: f64 = 0.5;
+/// The power spectrum is good where it is within 1 % and r(k) at least 0.99 up to this share of the wave numbers measured,
+/// and fair where they are within 5 % and at least 0.9.
 pub const SPECTRUM_SHARE: f64 = 0.25;
-/// Groups hold where their numbers are within 10 % from this size on, particles.
-pub const GROUPS_HOLD: f64 = 100.0;
-/// Groups hold roughly from this size on.
-pub const GROUPS_ROUGHLY: f64 = 1000.0;
-/// Matched groups hold where this share of them, and of those drawn, has a counterpart.
-pub const MATCHED_HOLD: f64 = 0.9;
-/// Matched groups hold roughly where this share has one.
-pub const MATCHED_ROUGHLY: f64 = 0.8;
-/// Numbers of matched groups hold within this share.
-pub const NUMBERS_HOLD: f64 = 0.1;
-/// Numbers of matched groups hold roughly within this share.
-pub const NUMBERS_ROUGHLY: f64 = 0.25;
-/// Groups that are needed to judge them: of fewer, numbers scatter by more than [`NUMBERS_HOLD`].
+/// Groups are good where their numbers are within 10 % from this size on, particles.
+pub const GROUPS_GOOD: f64 = 100.0;
+/// Groups are fair from this size on.
+pub const GROUPS_FAIR: f64 = 1000.0;
+/// Matched groups are good where this share of them, and of those drawn, has a counterpart.
+pub const MATCHED_GOOD: f64 = 0.9;
+/// Matched groups are fair where this share has one.
+pub const MATCHED_FAIR: f64 = 0.8;
+/// Numbers of matched groups are good within this share, with the scatter of a draw.
+pub const NUMBERS_GOOD: f64 = 0.1;
+/// Numbers of matched groups are fair within this share, with the scatter of a draw.
+pub const NUMBERS_FAIR: f64 = 0.25;
+/// Groups that are needed to judge them: of fewer, numbers scatter by more than [`NUMBERS_GOOD`].
 pub const FEWEST_MATCHED: u64 = 100;
-/// The spacing of drawn particles holds where the median distance to the nearest neighbour is within this share, and
+/// The spacing of drawn particles is good where the median distance to the nearest neighbour is within this share, and
 /// the 5th percentile over the median as near.
-pub const SPACING_HOLDS: f64 = 0.1;
-/// The spacing holds roughly within this share.
-pub const SPACING_ROUGHLY: f64 = 0.25;
+pub const SPACING_GOOD: f64 = 0.1;
+/// The spacing is fair within this share.
+pub const SPACING_FAIR: f64 = 0.25;
 
-/// A field holds where the model explains this share of the variance of its means in cells.
-pub const FIELD_HOLDS: f64 = 0.9;
-/// A field holds roughly from here on.
-pub const FIELD_ROUGHLY: f64 = 0.7;
+/// A field is good where the model explains this share of the variance of its means in cells.
+pub const FIELD_GOOD: f64 = 0.9;
+/// A field is fair from here on.
+pub const FIELD_FAIR: f64 = 0.7;
 
 const NEEDS_FULL: &str = "needs a full certificate";
 const ADDED_UP: &str = "the certificate is a sum over blocks";
@@ -86,15 +86,15 @@ particlegs_core::named_values! {
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
     pub enum Grade {
         /// Use it.
-        #[serde(rename = "holds")]
-        Holds = "holds",
+        #[serde(rename = "good")]
+        Good = "good",
         /// For a first look.
-        #[serde(rename = "roughly")]
-        Roughly = "roughly",
+        #[serde(rename = "fair")]
+        Fair = "fair",
         /// Do not.
-        #[serde(rename = "does not")]
-        DoesNot = "does not",
-        /// The figures are good, but of too few objects to tell.
+        #[serde(rename = "poor")]
+        Poor = "poor",
+        /// The figures are of too few objects, or scatter too much, to tell.
         #[serde(rename = "cannot tell")]
         CannotTell = "cannot tell",
         /// Nobody has measured again what a file says.
@@ -147,7 +147,7 @@ impl Assessment {
             return UseCase::ALL.into_iter().filter(|use_case| *use_case != UseCase::Field).map(none).collect();
         };
         let unit = metadata.units.length_text();
-        let density = c.densities.as_ref().map_or_else(|| density(c), |d| density_in_cells(d, unit));
+        let density = c.densities.as_ref().map_or_else(|| density(c), |d| density_in_cells(c, d, unit));
         let groups = c.groups.as_ref().map_or_else(|| groups(c, metadata.count), matched_groups);
         let findings =
             [pictures(c), at_large_radius(c), close_up(c), density, spectrum(c, metadata), groups, spacing(c, unit)];
@@ -172,18 +172,18 @@ fn pictures(c: &Certificate) -> Finding {
     let Some(worst) = gains.into_iter().min_by(|a, b| a.decibels.total_cmp(&b.decibels)) else {
         return (Grade::NotMeasured, "every pixel is black at the default radius and opacity".into());
     };
-    (worst.word(beaten, [PICTURES_HOLD, PICTURES_ROUGHLY]), worst.describe("worst orbit"))
+    (worst.word(beaten, [PICTURES_GOOD, PICTURES_FAIR]), worst.describe("worst orbit"))
 }
 
 /// At the largest radius and the default opacity.
 fn at_large_radius(c: &Certificate) -> Finding {
-    let limits = [LARGE_HOLDS, LARGE_ROUGHLY];
+    let limits = [LARGE_GOOD, LARGE_FAIR];
     at_setting(c, |s| !s.close && s.radius > 1.0, limits, |s| format!("{} default radii", s.radius))
 }
 
 /// From within, at the default radius and opacity.
 fn close_up(c: &Certificate) -> Finding {
-    at_setting(c, |s| s.close, [PICTURES_HOLD, PICTURES_ROUGHLY], |_| "from inside".into())
+    at_setting(c, |s| s.close, [PICTURES_GOOD, PICTURES_FAIR], |_| "from inside".into())
 }
 
 /// The worst view of the first setting of a kind, which is at the default opacity.
@@ -230,10 +230,10 @@ impl PictureGain {
         Some(PictureGain { model, trivial, name, decibels, more_similar, subset, subset_is_better })
     }
 
-    /// From which decibels on it holds, and roughly.
-    fn word(&self, beaten: bool, [hold, roughly]: [f64; 2]) -> Grade {
-        let holds = self.decibels >= hold && !beaten;
-        graded(self.more_similar && holds, self.more_similar && self.decibels >= roughly)
+    /// By the decibels from which on it is good, and fair.
+    fn word(&self, beaten: bool, [good, fair]: [f64; 2]) -> Grade {
+        let is_good = self.decibels >= good && !beaten;
+        graded(self.more_similar && is_good, self.more_similar && self.decibels >= fair)
     }
 
     fn describe(&self, view_name: &str) -> String {
@@ -256,8 +256,8 @@ fn density(c: &Certificate) -> Finding {
     let d = &c.density;
     let trivial = d.uniform_mean_absolute_error.min(1.0);
     let word = graded(
-        d.correlation >= DENSITY_HOLDS && d.mean_absolute_error <= DENSITY_ERROR_HOLDS * trivial,
-        d.correlation >= DENSITY_ROUGHLY && d.mean_absolute_error < trivial,
+        d.correlation >= DENSITY_GOOD && d.mean_absolute_error <= DENSITY_ERROR_GOOD * trivial,
+        d.correlation >= DENSITY_FAIR && d.mean_absolute_error < trivial,
     );
     let why = format!(
         "correlation {:.4} on {} cells along the longest edge; mean error {:.2}, {trivial:.2} for a trivial density",
@@ -266,35 +266,44 @@ fn density(c: &Certificate) -> Finding {
     (word, why)
 }
 
-/// The smallest of three sizes of cells from which on the density holds.
-fn density_in_cells(densities: &[CellDensity], unit: Option<&str>) -> Finding {
+/// The smallest of three sizes of cells from which on the density of the mixture, and of particles drawn from it, is good.
+fn density_in_cells(c: &Certificate, densities: &[CellDensity; CELL_SIZES], unit: Option<&str>) -> Finding {
+    let drawn: [Option<DrawnDensity>; CELL_SIZES] = std::array::from_fn(|i| Some(c.drawn_densities?[i]));
+    // The worse of the two is what users get.
+    let worse = |d: &CellDensity, drawn: Option<DrawnDensity>| CellDensity {
+        correlation: drawn.map_or(d.correlation, |drawn| drawn.correlation.min(d.correlation)),
+        mean_absolute_error: drawn.map_or(0.0, |drawn| drawn.mean_absolute_error).max(d.mean_absolute_error),
+        ..*d
+    };
+    let densities: [CellDensity; CELL_SIZES] = std::array::from_fn(|i| worse(&densities[i], drawn[i]));
+    let whose = if c.drawn_densities.is_some() { "mixture and drawn particles" } else { "mixture" };
     let trivial = |d: &CellDensity| d.uniform_mean_absolute_error.min(1.0);
-    let holds =
-        |d: &CellDensity| d.correlation >= DENSITY_HOLDS && d.mean_absolute_error <= DENSITY_ERROR_HOLDS * trivial(d);
-    let roughly = |d: &CellDensity| d.correlation >= DENSITY_ROUGHLY && d.mean_absolute_error < trivial(d);
+    let is_good =
+        |d: &CellDensity| d.correlation >= DENSITY_GOOD && d.mean_absolute_error <= DENSITY_ERROR_GOOD * trivial(d);
+    let is_fair = |d: &CellDensity| d.correlation >= DENSITY_FAIR && d.mean_absolute_error < trivial(d);
     // Sizes ascend: from the largest down, the last good one is the smallest.
     let from = |good: &dyn Fn(&CellDensity) -> bool| densities.iter().rev().take_while(|d| good(d)).last();
     let unit = unit.map_or(String::new(), |u| format!(" {u}"));
     let finding = |d: &CellDensity, word| {
-        let (even, more) = if word == Grade::DoesNot { ("even ", "") } else { ("", " or larger") };
+        let (even, more) = if word == Grade::Poor { ("even ", "") } else { ("", " or larger") };
         let (&CellDensity { edge, particles, correlation, mean_absolute_error, .. }, trivial) = (d, trivial(d));
         let why = format!(
             "correlation {correlation:.4} {even}in cells of {}{unit}{more}; {particles:.0} particles in each, mean \
-             error {mean_absolute_error:.2}, against {trivial:.2} for a trivial density",
+             error {mean_absolute_error:.2}, against {trivial:.2} for a trivial density; {whose}",
             decimals(edge)
         );
         (word, why)
     };
-    match (from(&holds), from(&roughly), densities.last()) {
-        (Some(d), ..) => finding(d, Grade::Holds),
-        (None, Some(d), _) => finding(d, Grade::Roughly),
-        (None, None, Some(d)) => finding(d, Grade::DoesNot),
+    match (from(&is_good), from(&is_fair), densities.last()) {
+        (Some(d), ..) => finding(d, Grade::Good),
+        (None, Some(d), _) => finding(d, Grade::Fair),
+        (None, None, Some(d)) => finding(d, Grade::Poor),
         _ => (Grade::NotMeasured, "there are too few particles".into()),
     }
 }
 
-/// Judged by the file's own power and phases, and by models of halves of the particles where they were fitted: by what is
-/// worse. Power that was coded to be right is no evidence of the phases.
+/// Judged by the file's own power and phases: models of halves, which tell of the method, decide only where there is
+/// nothing else. Power that was coded to be right is no evidence of the phases.
 fn spectrum(c: &Certificate, metadata: &Metadata) -> Finding {
     if !metadata.cell.as_ref().is_some_and(|cell| cell.periodic.contains(&true)) {
         return (Grade::NotApplicable, "the particles have no periodic box".into());
@@ -302,15 +311,8 @@ fn spectrum(c: &Certificate, metadata: &Metadata) -> Finding {
     let science = c.science.filter(|s| s.power_within_5_percent_to != Limit::NotMeasured);
     let of_file = science.map(|s| (s.k_max, [s.power_within_1_percent_to, s.power_within_5_percent_to]));
     let of_halves = c.held_out.map(|h| (h.k_max, [0.01, 0.05].map(|share| Limit::measured(h.within(share)))));
-    let origin = match (&of_file, &of_halves) {
-        (Some(_), Some(_)) => ", with half the particles too",
-        (None, Some(_)) => ", with half the particles",
-        _ => "",
-    };
-    let measured = of_file.into_iter().chain(of_halves);
-    let Some((k_max, [one, five])) =
-        measured.reduce(|(k, power), (other_k, other)| (k.min(other_k), [0, 1].map(|i| power[i].least(other[i]))))
-    else {
+    let origin = if of_file.is_none() { ", with half the particles" } else { "" };
+    let Some((k_max, [one, five])) = of_file.or(of_halves) else {
         return (Grade::NotMeasured, "there are too few particles".into());
     };
     let unit = metadata.units.length_text().map_or_else(|| "1/length".into(), per_length);
@@ -324,7 +326,7 @@ fn spectrum(c: &Certificate, metadata: &Metadata) -> Finding {
     let phases_reach = |i: usize| phases.is_none_or(|limits| reaches(limits[i]));
     let word = graded(reaches(one) && phases_reach(0), reaches(five) && phases_reach(1));
     let power = match word {
-        Grade::Holds => within(1, one),
+        Grade::Good => within(1, one),
         _ => format!("{}, {}", within(5, five), within(1, one)),
     };
     let phases = match phases {
@@ -346,22 +348,24 @@ fn matched_groups(classes: &[GroupClass; GROUP_CLASSES.len()]) -> Finding {
     let good = |c: &GroupClass, share: f64, number: f64| {
         // A class without groups has no value, and judges nothing.
         let matched = |v: Option<f64>| v.is_none_or(|v| v >= share);
-        matched(c.completeness) && matched(c.purity) && c.number.is_none_or(|n| (n - 1.0).abs() <= number)
+        matched(c.completeness)
+            && matched(c.purity)
+            && c.number.is_none_or(|n| (n - 1.0).abs() + c.number_scatter <= number)
     };
     let largest = &classes[GROUP_CLASSES.len() - 1];
     let size = GROUP_CLASSES[GROUP_CLASSES.len() - 1];
     let (Some(completeness), Some(number)) = (largest.completeness, largest.number) else {
         return (Grade::NotMeasured, format!("there are no groups of {size} particles or more"));
     };
-    let hold = classes.iter().rev().take_while(|c| good(c, MATCHED_HOLD, NUMBERS_HOLD)).count();
+    let good_classes = classes.iter().rev().take_while(|c| good(c, MATCHED_GOOD, NUMBERS_GOOD)).count();
     let few = |groups: u64| format!("{groups} groups are too few to tell");
-    if hold > 0 {
-        let judged = &classes[GROUP_CLASSES.len() - hold..];
-        let (from, groups) = (GROUP_CLASSES[GROUP_CLASSES.len() - hold], judged.iter().map(|c| c.groups).sum());
+    if good_classes > 0 {
+        let judged = &classes[GROUP_CLASSES.len() - good_classes..];
+        let (from, groups) = (GROUP_CLASSES[GROUP_CLASSES.len() - good_classes], judged.iter().map(|c| c.groups).sum());
         let why = format!("positions and numbers match for groups of {from} particles or more");
         return match groups {
             0..FEWEST_MATCHED => (Grade::CannotTell, format!("{why}, but {}", few(groups))),
-            _ => (Grade::Holds, why),
+            _ => (Grade::Good, why),
         };
     }
     let why = format!(
@@ -373,7 +377,13 @@ fn matched_groups(classes: &[GroupClass; GROUP_CLASSES.len()]) -> Finding {
     if largest.groups < FEWEST_MATCHED {
         return (Grade::CannotTell, format!("{}; {why}", few(largest.groups)));
     }
-    (graded(false, good(largest, MATCHED_ROUGHLY, NUMBERS_ROUGHLY)), why)
+    if largest.number_scatter > NUMBERS_FAIR {
+        return (
+            Grade::CannotTell,
+            format!("numbers of draws scatter by {:.0} %; {why}", 100.0 * largest.number_scatter),
+        );
+    }
+    (graded(false, good(largest, MATCHED_FAIR, NUMBERS_FAIR)), why)
 }
 
 /// A smooth model knows how dense it is at a place, and not how its particles keep apart.
@@ -394,7 +404,7 @@ fn spacing(c: &Certificate, unit: Option<&str>) -> Finding {
         s.drawn_regularity,
         s.regularity
     );
-    (graded(within(SPACING_HOLDS), within(SPACING_ROUGHLY)), why)
+    (graded(within(SPACING_GOOD), within(SPACING_FAIR)), why)
 }
 
 fn groups(c: &Certificate, particles: u64) -> Finding {
@@ -408,10 +418,10 @@ fn groups(c: &Certificate, particles: u64) -> Finding {
             };
             (Grade::NotMeasured, why.into())
         }
-        Limit::Never => (Grade::DoesNot, "group numbers are not within 10 % at any size".into()),
+        Limit::Never => (Grade::Poor, "group numbers are not within 10 % at any size".into()),
         Limit::At(n) => {
             let why = format!("numbers are within 10 % for groups of {n} particles or more");
-            (graded(n <= GROUPS_HOLD, n <= GROUPS_ROUGHLY), why)
+            (graded(n <= GROUPS_GOOD, n <= GROUPS_FAIR), why)
         }
     }
 }
@@ -438,14 +448,14 @@ fn field(q: &Quantity, f: &FieldAgreement, unit: Option<&str>) -> Finding {
         decimals(f.error),
         decimals(f.signal),
     );
-    (graded(explained >= FIELD_HOLDS, explained >= FIELD_ROUGHLY), why)
+    (graded(explained >= FIELD_GOOD, explained >= FIELD_FAIR), why)
 }
 
-fn graded(holds: bool, roughly: bool) -> Grade {
-    match (holds, roughly) {
-        (true, _) => Grade::Holds,
-        (false, true) => Grade::Roughly,
-        (false, false) => Grade::DoesNot,
+fn graded(is_good: bool, is_fair: bool) -> Grade {
+    match (is_good, is_fair) {
+        (true, _) => Grade::Good,
+        (false, true) => Grade::Fair,
+        (false, false) => Grade::Poor,
     }
 }
 
@@ -473,7 +483,7 @@ mod tests {
     #[test]
     fn pictures_are_judged_against_the_better_trivial_one() {
         let c = certificate();
-        assert_eq!(word(&c, UseCase::Pictures), Grade::Holds);
+        assert_eq!(word(&c, UseCase::Pictures), Grade::Good);
         let with = |black: Option<f64>, even: Option<f64>| {
             let mut c = c;
             // One orbit that is worse than the others decides.
@@ -482,14 +492,14 @@ mod tests {
             (look.all_black, look.uniform_box) = (score(black), score(even));
             c
         };
-        assert_eq!(word(&with(Some(26.0), Some(12.0)), UseCase::Pictures), Grade::Roughly);
-        assert_eq!(word(&with(Some(12.0), Some(29.4)), UseCase::Pictures), Grade::DoesNot);
+        assert_eq!(word(&with(Some(26.0), Some(12.0)), UseCase::Pictures), Grade::Fair);
+        assert_eq!(word(&with(Some(12.0), Some(29.4)), UseCase::Pictures), Grade::Poor);
         let why = finding(&with(Some(29.4), Some(12.0)), UseCase::Pictures).why;
         assert!(why.contains("30.5 dB, against 29.4 dB for an empty picture"), "{why}");
         // No better in structure is no better.
         let mut dim = c;
         dim.views.orbits[0].expected.uniform_box.as_mut().unwrap().ssim = 0.76;
-        assert_eq!(word(&dim, UseCase::Pictures), Grade::DoesNot);
+        assert_eq!(word(&dim, UseCase::Pictures), Grade::Poor);
         let mut dark = c;
         for orbit in &mut dark.views.orbits {
             orbit.expected.all_black = Some(PictureScore { masked_psnr: None, ssim: 1.0 });
@@ -512,7 +522,7 @@ mod tests {
         };
         assert_eq!(
             [word(&with(30.4), UseCase::Pictures), word(&with(30.5), UseCase::Pictures)],
-            [Grade::Holds, Grade::Roughly]
+            [Grade::Good, Grade::Fair]
         );
         assert!(finding(&with(25.0), UseCase::Pictures).why.contains("a random subset of the same size scores 20.0"));
     }
@@ -540,9 +550,9 @@ mod tests {
             let c = Certificate { pictures, ..c };
             [word(&c, UseCase::LargeRadius), word(&c, UseCase::CloseUp)]
         };
-        assert_eq!(words(24.0, 14.5), [Grade::Holds, Grade::Roughly]);
+        assert_eq!(words(24.0, 14.5), [Grade::Good, Grade::Fair]);
         // Above the trivial ones, and no better than the subset.
-        assert_eq!(words(19.0, 13.0), [Grade::Roughly, Grade::DoesNot]);
+        assert_eq!(words(19.0, 13.0), [Grade::Fair, Grade::Poor]);
         assert_eq!([word(&c, UseCase::LargeRadius), word(&c, UseCase::CloseUp)], [Grade::NotMeasured; 2]);
     }
 
@@ -555,12 +565,12 @@ mod tests {
         };
         assert_eq!(
             [density(0.997, 0.4), density(0.997, 0.7), density(0.95, 0.6)],
-            [Grade::Holds, Grade::Roughly, Grade::Roughly]
+            [Grade::Good, Grade::Fair, Grade::Fair]
         );
-        assert_eq!([density(0.95, 1.1), density(-0.0006, 0.9)], [Grade::DoesNot; 2]);
+        assert_eq!([density(0.95, 1.1), density(-0.0006, 0.9)], [Grade::Poor; 2]);
         // Against a uniform density that errs little, little error is needed.
         let even = DensityMetrics { uniform_mean_absolute_error: 0.3, ..c.density };
-        assert_eq!(word(&Certificate { density: even, ..c }, UseCase::Density), Grade::DoesNot);
+        assert_eq!(word(&Certificate { density: even, ..c }, UseCase::Density), Grade::Poor);
         let science = |one, five, groups| Certificate {
             science: Some(ScienceMetrics {
                 power_within_1_percent_to: one,
@@ -571,11 +581,11 @@ mod tests {
             ..c
         };
         let all = science(Limit::At(2.0), Limit::At(8.0), Limit::At(57.0));
-        assert_eq!([word(&all, UseCase::PowerSpectrum), word(&all, UseCase::Groups)], [Grade::Holds; 2]);
+        assert_eq!([word(&all, UseCase::PowerSpectrum), word(&all, UseCase::Groups)], [Grade::Good; 2]);
         let some = science(Limit::Never, Limit::At(8.0), Limit::At(160.0));
-        assert_eq!([word(&some, UseCase::PowerSpectrum), word(&some, UseCase::Groups)], [Grade::Roughly; 2]);
+        assert_eq!([word(&some, UseCase::PowerSpectrum), word(&some, UseCase::Groups)], [Grade::Fair; 2]);
         let none = science(Limit::Never, Limit::At(1.0), Limit::Never);
-        assert_eq!([word(&none, UseCase::PowerSpectrum), word(&none, UseCase::Groups)], [Grade::DoesNot; 2]);
+        assert_eq!([word(&none, UseCase::PowerSpectrum), word(&none, UseCase::Groups)], [Grade::Poor; 2]);
         let early = Certificate { science: None, ..c };
         assert_eq!([word(&early, UseCase::PowerSpectrum), word(&early, UseCase::Groups)], [Grade::NotMeasured; 2]);
         assert!(Assessment::verdict(None, &boxed()).iter().all(|f| f.word == Grade::NotMeasured));
@@ -593,9 +603,19 @@ mod tests {
         };
         let densities = |v: [CellDensity; 3]| finding(&Certificate { densities: Some(v), ..c }, UseCase::Density);
         let some = densities([cell(1.0, 0.95, 0.6), cell(2.0, 0.995, 0.3), cell(4.0, 0.999, 0.2)]);
-        assert!(some.word == Grade::Holds && some.why.contains("cells of 2.0000"), "{}", some.why);
-        assert_eq!(densities([cell(1.0, 0.1, 1.0), cell(2.0, 0.2, 1.0), cell(4.0, 0.95, 0.6)]).word, Grade::Roughly);
-        assert_eq!(densities([cell(1.0, 0.1, 1.0), cell(2.0, 0.2, 1.0), cell(4.0, 0.3, 0.9)]).word, Grade::DoesNot);
+        assert!(some.word == Grade::Good && some.why.contains("cells of 2.0000"), "{}", some.why);
+        assert_eq!(densities([cell(1.0, 0.1, 1.0), cell(2.0, 0.2, 1.0), cell(4.0, 0.95, 0.6)]).word, Grade::Fair);
+        // Particles drawn decide where they are worse.
+        let drawn = |correlation, mean_absolute_error| {
+            let drawn = DrawnDensity { correlation, mean_absolute_error };
+            let cells = [cell(1.0, 0.995, 0.3), cell(2.0, 0.998, 0.2), cell(4.0, 0.999, 0.1)];
+            let perfect = DrawnDensity { correlation: 1.0, mean_absolute_error: 0.0 };
+            let c = Certificate { densities: Some(cells), drawn_densities: Some([drawn, perfect, perfect]), ..c };
+            finding(&c, UseCase::Density).why
+        };
+        assert!(drawn(0.992, 0.4).starts_with("correlation 0.9920 in cells of 1.0000"), "{}", drawn(0.992, 0.4));
+        assert!(drawn(0.98, 0.4).contains("cells of 2.0000") && drawn(0.992, 0.7).contains("cells of 2.0000"));
+        assert_eq!(densities([cell(1.0, 0.1, 1.0), cell(2.0, 0.2, 1.0), cell(4.0, 0.3, 0.9)]).word, Grade::Poor);
         let class = |share, number| GroupClass {
             groups: 120,
             number: Some(number),
@@ -604,22 +624,27 @@ mod tests {
             ..GroupClass::default()
         };
         let groups = |v| word(&Certificate { groups: Some(v), ..c }, UseCase::Groups);
-        assert_eq!(groups([class(0.5, 1.3), class(0.8, 1.0), class(0.95, 0.97)]), Grade::Holds);
-        assert_eq!(groups([class(0.95, 1.0), class(0.95, 1.0), class(0.85, 1.2)]), Grade::Roughly);
+        assert_eq!(groups([class(0.5, 1.3), class(0.8, 1.0), class(0.95, 0.97)]), Grade::Good);
+        assert_eq!(groups([class(0.95, 1.0), class(0.95, 1.0), class(0.85, 1.2)]), Grade::Fair);
         // Equal numbers are not equal groups.
-        assert_eq!(groups([class(0.2, 1.0); 3]), Grade::DoesNot);
+        assert_eq!(groups([class(0.2, 1.0); 3]), Grade::Poor);
+        // A draw's scatter counts, and tells nothing where it is large.
+        let scattered = |number, number_scatter| [GroupClass { number_scatter, ..class(0.95, number) }; 3];
+        assert_eq!(groups(scattered(1.05, 0.04)), Grade::Good);
+        assert_eq!(groups(scattered(1.05, 0.06)), Grade::Fair);
+        assert_eq!(groups(scattered(1.0, 0.3)), Grade::CannotTell);
         // Few groups tell nothing, unless those of smaller ones match too.
         let few = |share, number| GroupClass { groups: 44, ..class(share, number) };
         assert_eq!(groups([class(0.2, 1.0), class(0.2, 1.0), few(0.95, 1.0)]), Grade::CannotTell);
         assert_eq!(groups([few(0.2, 1.0), few(0.2, 1.0), few(0.5, 1.3)]), Grade::CannotTell);
-        assert_eq!(groups([class(0.2, 1.0), class(0.95, 1.0), few(0.95, 1.0)]), Grade::Holds);
+        assert_eq!(groups([class(0.2, 1.0), class(0.95, 1.0), few(0.95, 1.0)]), Grade::Good);
         let spacing = |drawn_median, drawn_regularity| {
             let s = Spacing { median: 1.0, drawn_median, drawn_regularity, ..Spacing::default() };
             word(&Certificate { spacing: Some(s), ..c }, UseCase::Spacing)
         };
         assert_eq!(
             [spacing(1.05, 0.02), spacing(1.2, 0.0), spacing(0.6, 0.0)],
-            [Grade::Holds, Grade::Roughly, Grade::DoesNot]
+            [Grade::Good, Grade::Fair, Grade::Poor]
         );
         let mut transfer = [Transfer { deviation: Some(0.004), scatter: 0.001 }; 7];
         transfer[6].deviation = Some(-0.2);
@@ -646,10 +671,10 @@ mod tests {
             [Certificate { science, ..halves }, Certificate { science, held_out: None, ..c }]
                 .map(|c| word(&c, UseCase::PowerSpectrum))
         };
-        assert_eq!(words(Limit::At(7.0), Limit::At(7.0)), [Grade::Holds; 2]);
-        assert_eq!(words(Limit::At(1.0), Limit::At(7.0)), [Grade::Roughly; 2]);
+        assert_eq!(words(Limit::At(7.0), Limit::At(7.0)), [Grade::Good; 2]);
+        assert_eq!(words(Limit::At(1.0), Limit::At(7.0)), [Grade::Fair; 2]);
         // Nor does power that was coded to be right say anything of the phases.
-        assert_eq!(words(Limit::At(7.0), Limit::At(1.0)), [Grade::Roughly; 2]);
+        assert_eq!(words(Limit::At(7.0), Limit::At(1.0)), [Grade::Fair; 2]);
         let open = Metadata { cell: None, ..boxed() };
         let verdict = Assessment::verdict(Some(&c), &open);
         assert_eq!(verdict.iter().find(|f| f.of == UseCase::PowerSpectrum).unwrap().word, Grade::NotApplicable);
@@ -674,10 +699,7 @@ mod tests {
         let c = Certificate { fields: Some(FieldAgreements { each }), ..certificate() };
         let verdict = Assessment::verdict(Some(&c), &metadata);
         let fields: Vec<&Assessment> = verdict.iter().filter(|f| f.of == UseCase::Field).collect();
-        assert_eq!(
-            fields.iter().map(|f| f.word).collect::<Vec<_>>(),
-            [Grade::Holds, Grade::Roughly, Grade::NotMeasured]
-        );
+        assert_eq!(fields.iter().map(|f| f.word).collect::<Vec<_>>(), [Grade::Good, Grade::Fair, Grade::NotMeasured]);
         let unknown = Assessment::verdict(Some(&certificate()), &metadata);
         assert_eq!(unknown.last().unwrap().why, "the fields were not compared with the particles");
         assert_eq!(fields[0].figure(), "velocity: explains 96.0 % of the variance of means in cells of 2.0000");
