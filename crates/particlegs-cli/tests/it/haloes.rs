@@ -69,8 +69,11 @@ fn catalogues_hold_masses_where_spheres_have_enough_particles_and_open_as_centre
         assert!((value_of("r200m_kpc") / value_of("r200m") * 0.68 / 1000.0 - 1.0).abs() < 1e-6);
         assert!(!(value_of("r200c") > value_of("r200m") || value_of("r500c") > value_of("r200c")));
         let parent = value_of("parent_id");
-        assert!(parent == -1.0 || haloes["m200m"][parent as usize - 1] > value_of("m200m"));
+        assert!(value_of("satellite") == 0.0 || linked[parent as usize - 1] >= value_of("num_p"));
     }
+    // The sample has 262144 particles, each in one halo at most.
+    let counted = (0..number.len()).filter(|i| haloes["satellite"][*i] == 0.0 && number[*i].is_finite());
+    assert!((90_000.0..262_144.0).contains(&counted.map(|i| number[i]).sum::<f64>()));
     // Its centres are read again, with their radii.
     let head: String =
         dir.text("h.csv").lines().filter(|l| !l.is_empty()).take(120).map(|l| format!("{l}\n")).collect();
