@@ -31,6 +31,8 @@ fn haloes_of_a_model_are_those_of_its_particles() {
     assert!(agreement["completeness"].as_f64().unwrap() > 0.85, "{agreement}");
     assert!(agreement["purity"].as_f64().unwrap() > 0.85, "{agreement}");
     assert!((agreement["mass_median"].as_f64().unwrap() - 1.0).abs() < 0.05, "{agreement}");
+    assert!((0.5..3.0).contains(&agreement["mass_pull_sd"].as_f64().unwrap()), "{agreement}");
+    assert!(said.contains("difference over its error"), "{said}");
     let of_model = table(&dir.text("m.csv"));
     let (mass, error) = (&of_model["m200m"], &of_model["m200m_err"]);
     assert!(mass.iter().zip(error).all(|(m, e)| m.is_nan() == e.is_nan() && !(*e < 0.0 || e > m)));
