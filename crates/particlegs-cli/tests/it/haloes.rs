@@ -31,6 +31,8 @@ fn haloes_of_a_model_are_those_of_its_particles() {
     assert!(agreement["completeness"].as_f64().unwrap() > 0.85, "{agreement}");
     assert!(agreement["purity"].as_f64().unwrap() > 0.85, "{agreement}");
     assert!((agreement["mass_median"].as_f64().unwrap() - 1.0).abs() < 0.05, "{agreement}");
+    assert!((0.5..3.0).contains(&agreement["mass_pull_sd"].as_f64().unwrap()), "{agreement}");
+    assert!(said.contains("difference over its error"), "{said}");
     let of_model = table(&dir.text("m.csv"));
     let (mass, error) = (&of_model["m200m"], &of_model["m200m_err"]);
     assert!(mass.iter().zip(error).all(|(m, e)| m.is_nan() == e.is_nan() && !(*e < 0.0 || e > m)));
@@ -69,8 +71,11 @@ fn catalogues_hold_masses_where_spheres_have_enough_particles_and_open_as_centre
         assert!((value_of("r200m_kpc") / value_of("r200m") * 0.68 / 1000.0 - 1.0).abs() < 1e-6);
         assert!(!(value_of("r200c") > value_of("r200m") || value_of("r500c") > value_of("r200c")));
         let parent = value_of("parent_id");
-        assert!(parent == -1.0 || haloes["m200m"][parent as usize - 1] > value_of("m200m"));
+        assert!(value_of("satellite") == 0.0 || linked[parent as usize - 1] >= value_of("num_p"));
     }
+    // The sample has 262144 particles, each in one halo at most.
+    let counted = (0..number.len()).filter(|i| haloes["satellite"][*i] == 0.0 && number[*i].is_finite());
+    assert!((90_000.0..262_144.0).contains(&counted.map(|i| number[i]).sum::<f64>()));
     // Its centres are read again, with their radii.
     let head: String =
         dir.text("h.csv").lines().filter(|l| !l.is_empty()).take(120).map(|l| format!("{l}\n")).collect();

@@ -10,7 +10,7 @@ mod vector;
 pub(crate) use exponential::INVERSE_FACTORIAL;
 pub use exponential::{exp, floor, floor_index};
 pub use random::{Purpose, Random};
-pub use sphere::{GaussianInSphere, Rules};
+pub use sphere::{Ball, GaussianInSphere, Rules};
 pub use symmetric::{Eigen, Sym3};
 pub use vector::{Matrix, across, add_product, exp2};
 

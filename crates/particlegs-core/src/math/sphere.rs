@@ -17,6 +17,22 @@ const SMALL: f64 = 0.6;
 /// Points that are counted at once.
 const POINTS: usize = 64;
 
+/// A sphere about a place.
+#[derive(Clone, Copy, Debug)]
+pub struct Ball {
+    /// Its centre, wherever the caller counts from.
+    pub center: [f64; 3],
+    /// Its radius.
+    pub radius: f64,
+}
+
+impl Ball {
+    /// Whether a place lies inside or on it.
+    pub fn contains(&self, x: [f64; 3]) -> bool {
+        (0..3).map(|k| (x[k] - self.center[k]) * (x[k] - self.center[k])).sum::<f64>() <= self.radius * self.radius
+    }
+}
+
 /// A Gaussian as its mass in spheres is computed.
 #[derive(Clone, Debug)]
 pub struct GaussianInSphere {
@@ -67,19 +83,33 @@ impl GaussianInSphere {
     }
 
     /// The same, by the share of evenly spread points of a standard normal distribution that lie inside: to a hundredth of
-    /// the mass for 250 of them.
-    pub fn add_counted(&self, offset: [f64; 3], radii: &[f64], [x, y, z]: &[Vec<f64>; 3], to: &mut [f64]) {
-        let center: [f64; 3] = each_axis(|k| (0..3).map(|j| self.axes[k][j] * offset[j]).sum());
+    /// the mass for 250 of them. Points in one of the balls `excluded`, whose centres are counted from that place, are
+    /// left out.
+    pub fn add_counted(
+        &self,
+        offset: [f64; 3],
+        radii: &[f64],
+        excluded: &[Ball],
+        [x, y, z]: &[Vec<f64>; 3],
+        to: &mut [f64],
+    ) {
+        let along_axes = |v: [f64; 3]| -> [f64; 3] { each_axis(|k| (0..3).map(|j| self.axes[k][j] * v[j]).sum()) };
+        let center = along_axes(offset);
         let square = center.iter().map(|c| c * c).sum::<f64>();
         let (distance, largest) = (square.sqrt(), radii.last().copied().unwrap_or(0.0));
         let along = (0..3).map(|k| center[k] * self.deviation[k]).map(|v| v * v).sum::<f64>().sqrt();
         if distance > 0.0 && largest <= distance - TAIL * (along / distance) {
             return;
         }
-        let whole = radii.partition_point(|r| *r < distance + self.reach());
+        let turned = |ball: &Ball| Ball { center: along_axes(each_axis(|k| offset[k] + ball.center[k])), ..*ball };
+        let reaches = |ball: &Ball| Ball { radius: ball.radius + self.reach(), ..*ball }.contains([0.0; 3]);
+        let excluded: Vec<Ball> = excluded.iter().map(turned).filter(reaches).collect();
+        let is_cut = !excluded.is_empty();
+        // Where a part is left out, every point is looked at.
+        let whole = if is_cut { radii.len() } else { radii.partition_point(|r| *r < distance + self.reach()) };
         to[whole..].iter_mut().for_each(|to| *to += self.mass);
         let small = LocalDensity::new(center, self.deviation);
-        let first = radii[..whole].partition_point(|r| *r <= small.radius);
+        let first = if is_cut { 0 } else { radii[..whole].partition_point(|r| *r <= small.radius) };
         to[..first].iter_mut().zip(radii).for_each(|(to, r)| *to += self.mass * small.share(*r));
         if first == whole {
             return;
@@ -93,6 +123,11 @@ impl GaussianInSphere {
             for (square, ((x, y), z)) in squares.iter_mut().zip(points) {
                 let d = [s * x - a, t * y - b, u * z - c];
                 *square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+            }
+            for ball in &excluded {
+                let points = squares.iter_mut().zip(start..end);
+                let inside = points.filter(|(_, i)| ball.contains([s * x[*i], t * y[*i], u * z[*i]]));
+                inside.for_each(|(square, _)| *square = f64::INFINITY);
             }
             for (to, r) in to[first..whole].iter_mut().zip(&radii[first..]) {
                 let inside = |square: &f64| if *square <= r * r { 1.0 } else { 0.0 };

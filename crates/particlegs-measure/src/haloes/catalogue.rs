@@ -8,6 +8,7 @@ use super::sphere::{HaloProperty, HaloPropertyKind, PROPERTIES};
 use crate::stats::Subject;
 use particlegs_core::NamedValue;
 use particlegs_core::math::each_axis;
+use std::collections::HashMap;
 
 /// A column of a catalogue, one value a halo.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -66,16 +67,16 @@ impl HaloCatalogue {
     }
 }
 
+/// Particles within R200m over linked ones, above which a note tells a user.
+const LOOSE: f64 = 3.0;
 /// Columns of whole numbers.
-const WHOLE_NUMBERS: [&str; 6] = ["id", "parent_id", "fof_id", "num_p", "num_attached", "n200m"];
+const WHOLE_NUMBERS: [&str; 7] = ["id", "parent_id", "satellite", "fof_id", "num_p", "num_attached", "n200m"];
 
 /// Haloes as the rows of a table, and the units of its columns.
 struct HaloRows<'a> {
     search: &'a HaloSearch<'a>,
     groups: &'a LinkedHaloes,
-    /// Each with the number of its group.
-    haloes: &'a [(usize, Halo)],
-    parents: &'a [Option<usize>],
+    haloes: &'a [Halo],
     /// World units.
     centers: Vec<[f64; 3]>,
     /// Unit of length as text.
@@ -103,12 +104,7 @@ impl ColumnList {
 }
 
 impl<'a> HaloRows<'a> {
-    fn new(
-        search: &'a HaloSearch<'a>,
-        groups: &'a LinkedHaloes,
-        haloes: &'a [(usize, Halo)],
-        parents: &'a [Option<usize>],
-    ) -> Self {
+    fn new(search: &'a HaloSearch<'a>, groups: &'a LinkedHaloes, haloes: &'a [Halo]) -> Self {
         let setting = &search.setting;
         let world = |c: &[f64; 3]| -> [f64; 3] { each_axis(|k| search.domain.min[k] + c[k]) };
         let (mass_unit, mass_factor) = match (search.densities.units.mass, &setting.units.mass) {
@@ -120,8 +116,7 @@ impl<'a> HaloRows<'a> {
             search,
             groups,
             haloes,
-            parents,
-            centers: haloes.iter().map(|h| world(&h.1.center)).collect(),
+            centers: haloes.iter().map(|h| world(&h.center)).collect(),
             length: setting.units.length_text().unwrap_or("").to_string(),
             mass_unit,
             mass_factor,
@@ -130,32 +125,43 @@ impl<'a> HaloRows<'a> {
     }
 
     fn measures(&self, i: usize) -> &HaloMeasures {
-        &self.haloes[i].1.measures
+        &self.haloes[i].measures
     }
 
     fn members(&self, i: usize) -> f64 {
-        self.haloes[i].1.members as f64
+        self.haloes[i].members as f64
     }
 
     /// A value of the group, which its densest halo has alone.
     fn of_group(&self, i: usize, value: f64) -> f64 {
-        if self.haloes[i].1.is_main { value } else { f64::NAN }
+        if self.haloes[i].is_main { value } else { f64::NAN }
     }
 
-    /// Numbers of each halo, of the one that it lies in and of the densest of its group.
+    /// Numbers of each halo, of the one that it belongs to and of the densest of its group.
     fn add_numbers(&self, columns: &mut ColumnList) {
-        let (haloes, parents) = (self.haloes, self.parents);
+        let haloes = self.haloes;
         let mut main = vec![0; self.groups.members.len()];
-        haloes.iter().enumerate().filter(|(_, h)| h.1.is_main).for_each(|(i, h)| main[h.0] = i);
+        haloes.iter().enumerate().filter(|(_, h)| h.is_main).for_each(|(i, h)| main[h.group] = i);
+        let ranked: HashMap<usize, usize> = haloes.iter().enumerate().map(|(i, h)| (h.rank, i)).collect();
+        let parent = |h: &Halo| h.parent.map(|rank| ranked[&rank]).or((!h.is_main).then(|| main[h.group]));
         columns.add("id", "", "number of the halo", &|i| (i + 1) as f64);
-        columns.add("parent_id", "", "the heaviest halo in whose R200m the centre lies; -1 = none", &|i| {
-            parents[i].map_or(-1.0, |p| (p + 1) as f64)
-        });
+        columns.add(
+            "parent_id",
+            "",
+            "of a satellite the heaviest halo in whose R200m the centre lies; else of a halo that is not the densest of its group that one; -1 = none",
+            &|i| parent(&haloes[i]).map_or(-1.0, |p| (p + 1) as f64),
+        );
+        columns.add(
+            "satellite",
+            "",
+            "1 where the centre lies within R200m of a halo of more linked particles, whose particles it shares; else 0",
+            &|i| f64::from(haloes[i].parent.is_some()),
+        );
         columns.add(
             "fof_id",
             "",
             "the densest halo of its group of linked particles: itself, or one that it is linked to",
-            &|i| (main[haloes[i].0] + 1) as f64,
+            &|i| (main[haloes[i].group] + 1) as f64,
         );
     }
 
@@ -171,7 +177,7 @@ impl<'a> HaloRows<'a> {
             columns.add("num_p_err", "", "standard error", &|i| linked_error(self.members(i)));
         }
         if let Some(attached) = &self.groups.attached {
-            let attached = |i: usize| self.of_group(i, attached[self.haloes[i].0] as f64);
+            let attached = |i: usize| self.of_group(i, attached[self.haloes[i].group] as f64);
             columns.add("num_attached", "", "particles of other types, each nearest to a linked one", &attached);
             if self.is_model {
                 columns.add("num_attached_err", "", "standard error", &|i| linked_error(attached(i)));
@@ -190,7 +196,7 @@ impl<'a> HaloRows<'a> {
     }
 
     fn add_group_masses(&self, columns: &mut ColumnList) {
-        let mass = |i: usize| self.of_group(i, self.groups.masses[self.haloes[i].0] * self.mass_factor);
+        let mass = |i: usize| self.of_group(i, self.groups.masses[self.haloes[i].group] * self.mass_factor);
         columns.add("mfof", &self.mass_unit, "mass of the group: particles that are linked and attached", &mass);
         if self.is_model {
             let error = |i: usize| mass(i) * linked_error(self.members(i)) / self.members(i);
@@ -272,15 +278,9 @@ impl<'a> HaloRows<'a> {
 }
 
 impl HaloSearch<'_> {
-    /// The catalogue of `haloes`, each with the number of its group; columns as docs/guide/haloes.md lists them.
-    pub fn table(
-        &self,
-        groups: &LinkedHaloes,
-        haloes: &[(usize, Halo)],
-        parents: &[Option<usize>],
-        softening: f64,
-    ) -> HaloCatalogue {
-        let rows = HaloRows::new(self, groups, haloes, parents);
+    /// The catalogue of `haloes`; columns as docs/guide/haloes.md lists them.
+    pub fn table(&self, groups: &LinkedHaloes, haloes: &[Halo], softening: f64) -> HaloCatalogue {
+        let rows = HaloRows::new(self, groups, haloes);
         let mut columns = ColumnList { rows: haloes.len(), columns: Vec::new() };
         rows.add_numbers(&mut columns);
         rows.add_members(&mut columns);
@@ -296,11 +296,11 @@ impl HaloSearch<'_> {
         if groups.fine.is_some() {
             rows.add_contamination(&mut columns);
         }
-        let (notes, remarks) = (self.notes(groups), self.remarks(groups, softening, &rows.length));
+        let (notes, remarks) = (self.notes(groups, haloes), self.remarks(groups, softening, &rows.length));
         HaloCatalogue { columns: columns.columns, remarks, notes, centers: rows.centers }
     }
 
-    fn notes(&self, groups: &LinkedHaloes) -> Vec<String> {
+    fn notes(&self, groups: &LinkedHaloes, haloes: &[Halo]) -> Vec<String> {
         let mut notes = self.densities.notes.clone();
         if !self.masses {
             notes.push(
@@ -308,6 +308,11 @@ impl HaloSearch<'_> {
             );
         }
         notes.extend(groups.note.clone());
+        let is_loose = |h: &&Halo| h.parent.is_none() && h.measures.count as f64 > LOOSE * h.members as f64;
+        match haloes.iter().filter(is_loose).count() {
+            0 => {}
+            n => notes.push(format!("{n} of {} haloes have n200m above three times num_p: most particles in their spheres are not linked to them", haloes.len())),
+        }
         notes
     }
 
@@ -325,7 +330,8 @@ impl HaloSearch<'_> {
         let mut lines = vec![
             format!("haloes of {}", meta.name),
             format!("friends of friends, linking length {:.6} {length} ({} mean spacings), {} particles and more; spherical overdensities about density peaks", groups.linking_length, o.linking, o.smallest),
-            "no unbinding, no subhaloes; a quantity is empty where its sphere has too few particles: masses 100, dispersion, shape and vmax 300, concentration 1000".into(),
+            "no unbinding, no subhaloes; where spheres overlap, the halo of more linked particles has the particles of both, and the other is measured without them; a satellite shares those of its parent".into(),
+            "a quantity is empty where its sphere has too few particles: masses 100, dispersion, shape and vmax 300, concentration 1000".into(),
             numbers.into_iter().flatten().collect::<Vec<_>>().join("; "),
         ];
         let assumed = if o.softening.is_none() { ", assumed: a 25th of the mean spacing" } else { "" };

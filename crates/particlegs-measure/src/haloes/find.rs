@@ -9,7 +9,7 @@ use crate::stats::{
     GaussianSpheres, ParticleFields, PointGrid, StatsSide, Subject, local_positions, number_error, within,
 };
 use particlegs_core::context::Context;
-use particlegs_core::math::each_axis;
+use particlegs_core::math::{Ball, each_axis};
 use particlegs_core::model::{Block, Cosmology, Dimension, Epoch, Layer, Mass, Unit, UnitSystem, Units};
 use particlegs_core::{Error, Result, parallel};
 use particlegs_fit::recover::Options as RecoverOptions;
@@ -174,7 +174,10 @@ pub struct HaloSearch<'a> {
 }
 
 /// A halo of a group.
+#[derive(Clone)]
 pub struct Halo {
+    /// Number of its group.
+    pub group: usize,
     /// Relative to the domain's corner.
     pub center: [f64; 3],
     /// Linked particles: those of the group, or within R200m where it is not the group's densest.
@@ -182,9 +185,20 @@ pub struct Halo {
     /// Whether it is the densest of its group.
     pub is_main: bool,
     pub measures: HaloMeasures,
+    /// Its number among all by linked particles, and that of the halo whose satellite it is.
+    pub rank: usize,
+    pub parent: Option<usize>,
+}
+
+impl Halo {
+    /// A further peak with too few particles for a mass is no halo.
+    pub fn is_listed(&self) -> bool {
+        self.is_main || self.measures.count >= LEAST_MASS
+    }
 }
 
 /// Measures about one centre.
+#[derive(Clone)]
 pub struct HaloMeasures {
     pub spheres: [Option<HaloSphere>; SPHERES],
     /// Particles inside the first.
@@ -199,8 +213,13 @@ pub struct HaloMeasures {
 
 impl HaloMeasures {
     /// R200m; 0 where there is none.
-    fn radius(&self) -> f64 {
+    pub fn radius(&self) -> f64 {
         self.spheres[Overdensity::Mean200 as usize].map_or(0.0, |s| s.sphere.radius)
+    }
+
+    /// The radius of the largest sphere.
+    pub fn reach(&self) -> f64 {
+        self.spheres.iter().flatten().map(|s| s.sphere.radius).fold(0.0, f64::max)
     }
 }
 
@@ -255,15 +274,14 @@ impl<'a> HaloSearch<'a> {
         };
         let haloes = parallel::try_map_range(groups.members.len(), |group| {
             context.check()?;
-            let haloes = about.haloes_of(&groups.members[group], groups.masses[group], context)?;
+            let haloes = about.haloes_of(group, &groups, context)?;
             context.advance(1);
-            Ok::<_, Error>(haloes.into_iter().map(move |halo| (group, halo)))
+            Ok::<_, Error>(haloes)
         })?;
+        let mut haloes = about.without_overlap(haloes.into_iter().flatten().collect(), &groups, context)?;
         context.end();
-        let mut haloes: Vec<(usize, Halo)> = haloes.into_iter().flatten().collect();
-        haloes.sort_by_key(|(group, h)| (std::cmp::Reverse((h.measures.count, h.members)), *group));
-        let parents = self.parents(&haloes)?;
-        Ok(self.table(&groups, &haloes, &parents, softening))
+        haloes.sort_by_key(|h| (std::cmp::Reverse((h.measures.count, h.members)), h.group));
+        Ok(self.table(&groups, &haloes, softening))
     }
 
     /// The radius within which particles are gathered about a group of a mass, at first.
@@ -276,29 +294,6 @@ impl<'a> HaloSearch<'a> {
     fn thinnest(&self) -> f64 {
         Overdensity::ALL.iter().filter_map(|kind| self.densities.mass_per_cube(*kind)).fold(f64::INFINITY, f64::min)
     }
-
-    /// The heaviest halo in whose R200m each centre lies that is heavier; its number.
-    fn parents(&self, haloes: &[(usize, Halo)]) -> Result<Vec<Option<usize>>> {
-        let centers: Vec<[f64; 3]> = haloes.iter().map(|h| h.1.center).collect();
-        let sphere = |i: usize| {
-            haloes[i].1.measures.spheres[Overdensity::Mean200 as usize].filter(|s| s.sphere.count >= LEAST_MASS)
-        };
-        let mass = |i: usize| sphere(i).map_or(0.0, |s| s.sphere.mass);
-        let mut order: Vec<usize> = (0..centers.len()).filter(|i| sphere(*i).is_some()).collect();
-        order.sort_by(|a, b| mass(*b).total_cmp(&mass(*a)).then(a.cmp(b)));
-        let points = PointGrid::new(&centers, self.domain, 0.0)?;
-        let mut parents = vec![None; centers.len()];
-        // From the heaviest down: the first parent that a halo gets is its heaviest.
-        for i in order {
-            let radius = sphere(i).map_or(0.0, |s| s.sphere.radius);
-            points.within(centers[i], radius, |other, _, _| {
-                if other != i && mass(other) < mass(i) && parents[other].is_none() {
-                    parents[other] = Some(i);
-                }
-            });
-        }
-        Ok(parents)
-    }
 }
 
 /// The mass of a layer of a model.
@@ -307,8 +302,8 @@ fn layer_mass(layer: &Layer<Vec<Block>>) -> f64 {
 }
 
 /// Particles and Gaussians that are looked at about a centre.
-struct AboutCenter<'a> {
-    search: &'a HaloSearch<'a>,
+pub struct AboutCenter<'a> {
+    pub search: &'a HaloSearch<'a>,
     points: &'a PointGrid,
     fine: Option<&'a [bool]>,
     model: Option<&'a GaussianSpheres>,
@@ -321,14 +316,15 @@ struct AboutCenter<'a> {
 impl AboutCenter<'_> {
     /// The haloes of a group: its density peak, and those of members outside R200m of the ones before, as long as they
     /// have the particles of a mass. Bridges of few particles link haloes that are apart.
-    fn haloes_of(&self, members: &[u32], mass: f64, context: &Context<'_>) -> Result<Vec<Halo>> {
+    fn haloes_of(&self, group: usize, groups: &LinkedHaloes, context: &Context<'_>) -> Result<Vec<Halo>> {
+        let (members, mass) = (&groups.members[group], groups.masses[group]);
         let (positions, domain) = (self.search.positions, self.search.domain);
         let mut haloes: Vec<Halo> = Vec::new();
         let mut left = members.to_vec();
         while haloes.is_empty() || left.len() >= LEAST_MASS {
             let center = density_peak(positions, &left, domain, self.number_density);
             let is_main = haloes.is_empty();
-            let measures = self.measure(center, mass, context)?;
+            let measures = self.measure((center, &[]), mass, context)?;
             let away = |x: [f64; 3], from: [f64; 3]| domain.shortest_way(each_axis(|k| x[k] - from[k]));
             let square = |d: [f64; 3]| d.iter().map(|v| v * v).sum::<f64>();
             let covers = |h: &Halo| square(away(center, h.center)) <= h.measures.radius().powi(2);
@@ -340,7 +336,7 @@ impl AboutCenter<'_> {
             let before = left.len();
             left.retain(|i| square(away(positions[*i as usize], center)) > radius * radius);
             let member_count = if is_main { members.len() } else { before - left.len() };
-            haloes.push(Halo { center, members: member_count, is_main, measures });
+            haloes.push(Halo { group, center, members: member_count, is_main, measures, rank: 0, parent: None });
             // Nothing was taken away, so the next peak would be the same.
             if before == left.len() {
                 break;
@@ -349,9 +345,11 @@ impl AboutCenter<'_> {
         Ok(haloes)
     }
 
-    fn measure(&self, center: [f64; 3], mass: f64, context: &Context<'_>) -> Result<HaloMeasures> {
+    /// Measures about a centre without what lies in the balls beside it, which are counted from there. The mass is that
+    /// of the group.
+    pub fn measure(&self, about: ([f64; 3], &[Ball]), mass: f64, context: &Context<'_>) -> Result<HaloMeasures> {
         let search = self.search;
-        let particles = self.gathered(center, mass);
+        let particles = self.gathered(about, mass);
         let per_cube: [Option<f64>; SPHERES] =
             std::array::from_fn(|i| search.densities.mass_per_cube(Overdensity::ALL[i]));
         let counted = per_cube.map(|per_cube| particles.sphere(per_cube?));
@@ -364,7 +362,7 @@ impl AboutCenter<'_> {
         if let Some(model) = self.model {
             // Gaussians have the source's masses.
             let scale = search.o.particle_mass.unwrap_or(1.0) / search.o.sample_fraction;
-            let model_spheres = integrated(model, center, counted, per_cube.map(|c| Some(c? / scale)), context)?;
+            let model_spheres = integrated(model, about, counted, per_cube.map(|c| Some(c? / scale)), context)?;
             for (sphere, model_sphere) in spheres.iter_mut().zip(model_spheres) {
                 let scaled = model_sphere.map(|s| HaloSphere {
                     sphere: DensitySphere { mass: scale * s.sphere.mass, ..s.sphere },
@@ -408,7 +406,7 @@ impl AboutCenter<'_> {
     }
 
     /// Particles about a centre, as far as the thinnest sphere reaches.
-    fn gathered(&self, center: [f64; 3], mass: f64) -> RadialParticles {
+    fn gathered(&self, (center, excluded): ([f64; 3], &[Ball]), mass: f64) -> RadialParticles {
         let (search, points) = (self.search, self.points);
         let domain = search.domain;
         let heights = domain.heights();
@@ -416,12 +414,15 @@ impl AboutCenter<'_> {
         let furthest = (0..3).filter(|k| domain.periodic[*k]).map(|k| 0.5 * heights[k]).fold(f64::INFINITY, f64::min);
         let mut reach = search.first_reach(mass).min(furthest);
         loop {
-            let mut near_particles = Vec::new();
+            let (mut near_particles, mut number) = (Vec::new(), 0);
             points.within(center, reach, |index, offset, square| {
-                let index = index as u32;
-                near_particles.push(SphereParticle { square, offset, mass: search.mass_of(index), index });
+                number += 1;
+                if !excluded.iter().any(|ball| ball.contains(offset)) {
+                    let index = index as u32;
+                    near_particles.push(SphereParticle { square, offset, mass: search.mass_of(index), index });
+                }
             });
-            let holds_all = near_particles.len() == search.positions.len();
+            let holds_all = number == search.positions.len();
             let particles = RadialParticles::new(near_particles, reach);
             if holds_all || reach >= furthest || particles.sphere(search.thinnest()).is_some() {
                 return particles;
@@ -549,14 +550,19 @@ mod tests {
         all.extend((0..60).map(|i| [3.0 + 0.025 * f64::from(i), 3.0, 3.0]));
         // Its own group, within the first one's sphere.
         all.extend(places(&[([3.0, 3.62, 3.0], 0.01, 150)], 0, 4));
-        let catalogue = haloes(&particles(&[("dm", 1.0, all)]), &HaloOptions::default());
+        let p = particles(&[("dm", 1.0, all)]);
+        let catalogue = haloes(&p, &HaloOptions::default());
         let column = |name: &str| catalogue.column(name).unwrap();
         assert!(column("n200m")[0] > 4000.0 && column("n200m")[1] > 1400.0 && column("n200m")[1] < 1800.0);
         assert_eq!((column("fof_id")[0], column("fof_id")[1]), (1.0, 1.0));
         assert!(column("mfof")[1].is_nan() && (catalogue.centers[1][0] - 4.5).abs() < 0.05);
-        assert_eq!(column("parent_id")[..2], [-1.0, -1.0]);
+        assert_eq!((&column("parent_id")[..2], &column("satellite")[..2]), (&[-1.0, 1.0][..], &[0.0, 0.0][..]));
         let satellite = (0..catalogue.len()).find(|i| (catalogue.centers[*i][1] - 3.62).abs() < 0.02).unwrap();
         assert_eq!((column("parent_id")[satellite], column("fof_id")[satellite] as usize), (1.0, satellite + 1));
+        assert_eq!((column("satellite")[satellite], column("num_p")[satellite]), (1.0, 150.0));
+        let note = |c: &HaloCatalogue| c.notes.iter().any(|n| n.contains("above three times num_p"));
+        let short = HaloOptions { linking: 0.03, ..HaloOptions::default() };
+        assert!(!note(&catalogue) && note(&haloes(&p, &short)));
     }
 
     #[test]

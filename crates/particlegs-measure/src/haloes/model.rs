@@ -4,6 +4,7 @@ use super::overdensity::Overdensity;
 use super::sphere::DensitySphere;
 use crate::stats::{EnclosedMass, GaussianSpheres};
 use particlegs_core::context::Context;
+use particlegs_core::math::Ball;
 use particlegs_core::model::{Block, Mixture, Model};
 use particlegs_core::{Error, Result, parallel};
 use particlegs_particles::Domain;
@@ -75,13 +76,18 @@ struct MassCurve {
 }
 
 impl MassCurve {
-    /// By integration over Gaussians, from one radius to another.
-    fn new(model: &GaussianSpheres, center: [f64; 3], ends: [f64; 2], context: &Context<'_>) -> Result<MassCurve> {
+    /// By integration over Gaussians, from one radius to another, outside the balls `excluded`.
+    fn new(
+        model: &GaussianSpheres,
+        (center, excluded): ([f64; 3], &[Ball]),
+        ends: [f64; 2],
+        context: &Context<'_>,
+    ) -> Result<MassCurve> {
         let [first, last] = ends.map(libm::log);
         let number = ((last - first) / CURVE_STEP).ceil().clamp(2.0, MOST_STEPS);
         let step = (last - first) / number;
         let radii: Vec<f64> = (0..=number as usize).map(|i| libm::exp(first + step * i as f64)).collect();
-        let inside = model.enclosed(center, &radii, context)?;
+        let inside = model.enclosed(center, &radii, excluded, context)?;
         let masses = inside.iter().map(|inside| libm::log(inside.mass.max(f64::MIN_POSITIVE))).collect();
         Ok(MassCurve { first, step, masses, inside })
     }
@@ -115,10 +121,11 @@ impl MassCurve {
     }
 }
 
-/// Spheres of mean densities by integration over Gaussians, near those of drawn particles.
+/// Spheres of mean densities by integration over Gaussians, near those of drawn particles. They are about a centre, and
+/// what lies in the balls beside it, counted from there, is left out.
 pub fn integrated(
     model: &GaussianSpheres,
-    center: [f64; 3],
+    about: ([f64; 3], &[Ball]),
     counted: [Option<DensitySphere>; SPHERES],
     per_cube: [Option<f64>; SPHERES],
     context: &Context<'_>,
@@ -132,7 +139,7 @@ pub fn integrated(
         if largest <= 0.0 {
             break;
         }
-        let curve = MassCurve::new(model, center, [smallest / reach, largest * reach], context)?;
+        let curve = MassCurve::new(model, about, [smallest / reach, largest * reach], context)?;
         spheres = std::array::from_fn(|k| counted[k].and_then(|_| curve.sphere(per_cube[k]?)));
         if (0..SPHERES).all(|k| spheres[k].is_some() || counted[k].is_none()) {
             break;

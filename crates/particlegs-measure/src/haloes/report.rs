@@ -181,6 +181,10 @@ impl HaloReport {
             text += &format!("\ncompleteness {}, purity {}", percent(m.completeness), percent(m.purity));
             let (median, scatter) = (m.mass_median.map_or("-".into(), |v| format!("{v:.4}")), percent(m.mass_scatter));
             text += &format!("\nM200m over the truth's: median {median}, scatter {scatter}");
+            if let (Some(mean), Some(sd)) = (m.mass_pull_mean, m.mass_pull_sd) {
+                let above = percent(m.mass_pulls_above_3);
+                text += &format!("\nits difference over its error: mean {mean:.2}, sd {sd:.2}, beyond 3: {above}");
+            }
         }
         text
     }
@@ -224,7 +228,8 @@ pub struct MassFunctionBin {
 }
 
 /// The mass function of a catalogue in a box from `least` on: bins of a fifth of a decade that begin there, up to the
-/// heaviest halo. Masses are those of [`HaloCatalogue::masses`]; volumes are in the box's own unit.
+/// heaviest halo. Satellites, which share the particles of others, are not counted. Masses are those of
+/// [`HaloCatalogue::masses`]; volumes are in the box's own unit.
 pub fn mass_function(catalogue: &HaloCatalogue, domain: &Domain, [least, most]: [f64; 2]) -> Vec<MassFunctionBin> {
     let Some((masses, _)) = catalogue.masses() else { return Vec::new() };
     if !(least > 0.0 && most >= least && most.is_finite()) {
@@ -234,7 +239,10 @@ pub fn mass_function(catalogue: &HaloCatalogue, domain: &Domain, [least, most]: 
     let bins = bin(most) as usize + 1;
     let parts = PARTS.pow(3);
     let mut counts = vec![vec![0u64; parts]; bins];
-    for (center, m) in catalogue.centers.iter().zip(masses).filter(|(_, m)| *m >= least && *m <= most) {
+    let satellite = catalogue.column("satellite");
+    let counted =
+        |(i, (_, m)): &(usize, (_, f64))| satellite.is_none_or(|s| s[*i] == 0.0) && (least..=most).contains(m);
+    for (_, (center, m)) in catalogue.centers.iter().zip(masses).enumerate().filter(counted) {
         let local = domain.local(*center);
         let along =
             |k: usize| (domain.along(&local, k) / domain.length[k] * PARTS as f64).clamp(0.0, PARTS as f64 - 1.0);
@@ -269,10 +277,16 @@ mod tests {
     fn bins_hold_all_haloes_and_errors_are_those_of_counts() {
         let domain = Domain::upright([0.0; 3], [10.0; 3], [true; 3]);
         let mut r = Random::new(3, 0, 0);
-        let masses: Vec<f64> = (0..8000).map(|_| 100.0 / r.uniform().max(1e-3)).collect();
-        let centers = (0..8000).map(|_| [10.0 * r.uniform(), 10.0 * r.uniform(), 10.0 * r.uniform()]).collect();
+        let mut masses: Vec<f64> = (0..8000).map(|_| 100.0 / r.uniform().max(1e-3)).collect();
+        let mut centers: Vec<_> =
+            (0..8000).map(|_| [10.0 * r.uniform(), 10.0 * r.uniform(), 10.0 * r.uniform()]).collect();
+        // A satellite, which is not counted.
+        masses.push(150.0);
+        centers.push([1.0; 3]);
         let column = |name: &str| HaloColumn { name: name.into(), values: masses.clone(), ..HaloColumn::default() };
-        let columns = vec![column("m200m"), column("r200m")];
+        let values = [vec![0.0; 8000], vec![1.0]].concat();
+        let satellite = HaloColumn { name: "satellite".into(), values, ..HaloColumn::default() };
+        let columns = vec![column("m200m"), column("r200m"), satellite];
         let catalogue = HaloCatalogue { columns, centers, ..HaloCatalogue::default() };
         let bins = mass_function(&catalogue, &domain, [100.0, 1e5]);
         assert_eq!(bins.iter().map(|b| b.haloes).sum::<u64>(), 8000);

@@ -8,7 +8,7 @@ use super::presentation::*;
 use super::subject::mixtures;
 use super::{Domain, Subject};
 use particlegs_core::context::Context;
-use particlegs_core::math::{GaussianInSphere, Rules, each_axis};
+use particlegs_core::math::{Ball, GaussianInSphere, Rules, each_axis};
 use particlegs_core::model::{Model, decimals};
 use particlegs_core::{Error, Result, parallel};
 use particlegs_fit::recover::stratify;
@@ -299,13 +299,20 @@ impl GaussianSpheres {
         Ok(())
     }
 
-    /// The mass inside spheres of ascending `radii` about a place: of each Gaussian, the share of evenly spread points.
-    pub fn enclosed(&self, center: [f64; 3], radii: &[f64], context: &Context<'_>) -> Result<Vec<EnclosedMass>> {
+    /// The mass inside spheres of ascending `radii` about a place, outside the balls `excluded` whose centres are
+    /// counted from there: of each Gaussian, the share of evenly spread points.
+    pub fn enclosed(
+        &self,
+        center: [f64; 3],
+        radii: &[f64],
+        excluded: &[Ball],
+        context: &Context<'_>,
+    ) -> Result<Vec<EnclosedMass>> {
         let mut inside = vec![EnclosedMass::default(); radii.len()];
         let mut gaussian_masses = vec![0.0; radii.len()];
         self.visit(center, radii.last().copied().unwrap_or(0.0), context, |gaussian, offset, number| {
             gaussian_masses.fill(0.0);
-            gaussian.add_counted(offset, radii, &self.normals, &mut gaussian_masses);
+            gaussian.add_counted(offset, radii, excluded, &self.normals, &mut gaussian_masses);
             if gaussian_masses.last().is_none_or(|mass| *mass <= 0.0) {
                 return;
             }
