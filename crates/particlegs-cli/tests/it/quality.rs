@@ -123,7 +123,7 @@ fn a_crystal_is_warned_of_and_forged_scores_are_refused() {
     let trivial = &compressed["certificate"]["orbits"][0]["expected"];
     assert!(trivial["all_black"]["masked_psnr"].is_number() && trivial["uniform_box"]["ssim"].is_number());
     assert!(said.lines().count() <= 12 && said.lines().all(|l| l.chars().count() <= 100), "{said}");
-    assert!(said.contains("does not       ") && said.contains("groups: needs a full certificate"), "{said}");
+    assert!(said.contains("poor           ") && said.contains("groups: needs a full certificate"), "{said}");
     assert!(said.contains("\nparticlegs info m.pgs shows the rest\nwrote c.json"), "{said}");
 
     // The file has the numbers that `compress` reported, to the last digit.
