@@ -161,7 +161,7 @@ fn each_field_has_its_verdict() {
     snapshot(&dir.at("snap"));
     let fit = "--gaussians 60 --effort fast --fields velocity,temperature --radius 0.005";
     let [text, _] = dir.runs(&format!("compress snap -o m.pgs {fit}"));
-    assert!(text.contains("\n  field           holds          velocity: "), "{text}");
+    assert!(text.contains("\n  field           good           velocity: "), "{text}");
     let info = dir.says("info m.pgs");
     let findings: Vec<&serde_json::Value> =
         info["verdict"].as_array().unwrap().iter().filter(|f| f["use"] == "field").collect();
