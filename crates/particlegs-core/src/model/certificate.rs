@@ -70,7 +70,7 @@ record! {
         fields: Option<FieldAgreements> =
             group(15, SOME, "fields", "means of fields in cells, gathered from half the particles, of the other half", "");
         /// The density of particles drawn, in the cells of `densities`.
-        drawn_densities: Option<[DrawnDensity; 3]> = group(16, SOME, "drawn density",
+        drawn_densities: Option<[DrawnDensity; 3]> = group(16, WHOLE, "drawn density",
             "density of as many particles drawn, in the same cells", CELL_NAMES);
     }
 }
