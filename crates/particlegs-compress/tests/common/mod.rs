@@ -7,9 +7,9 @@ use particlegs_core::codec::{Encoder, Precision};
 use particlegs_core::context::Context;
 use particlegs_core::math::{Random, Sym3};
 use particlegs_core::model::{
-    Block, CellDensity, Certificate, Cosmology, DensityMetrics, DrawnDensity, Epoch, LawKind, Layer, Limit, Mass,
-    Metadata, Mixture, Model, OrbitMetrics, PictureScore, PictureScores, Recipe, ScienceMetrics, ScienceSubject,
-    Spacing, Subset, Units, ViewMetrics,
+    Block, CellDensity, Certificate, Cosmology, DensityMetrics, Epoch, LawKind, Layer, Limit, Mass, Metadata, Mixture,
+    Model, OrbitMetrics, PictureScore, PictureScores, Recipe, ScienceMetrics, ScienceSubject, Spacing, Subset, Units,
+    ViewMetrics,
 };
 use particlegs_core::space::{Bounds, Cell};
 use particlegs_core::{Error, codec};
@@ -77,7 +77,6 @@ pub fn certificate() -> Certificate {
         views: ViewMetrics { width: 1920, height: 1080, seed: 42, orbits: [orbit; 3] },
         density: DensityMetrics { cells: 50, correlation, mean_absolute_error, ..DensityMetrics::default() },
         densities: Some([(0.8, 0.015_625), (1.6, 0.125), (3.2, 1.0)].map(density)),
-        drawn_densities: Some([DrawnDensity { correlation: 0.5, mean_absolute_error: 0.75 }; 3]),
         science: Some(science()),
         spacing: Some(Spacing { median: 0.125, drawn_median: 0.25, ..Spacing::default() }),
         subset: Some(Subset { kept: 1, bytes: 100 }),
