@@ -12,7 +12,7 @@ use common::{
 use particlegs_core::codec::{Encoder, Precision};
 use particlegs_core::context::Context;
 use particlegs_core::math::Sym3;
-use particlegs_core::model::{Block, CertificateLevel, DrawnDensity, Layer, Mass, Mixture, Model};
+use particlegs_core::model::{Block, CertificateLevel, Layer, Mass, Mixture, Model};
 use particlegs_core::space::Cell;
 use particlegs_core::{Error, codec};
 use proptest::prelude::*;
@@ -37,9 +37,7 @@ fn a_file_comes_back() {
     for weighted in [false, true] {
         let blocks = [1, 2].map(|s| block(mixture(400, s, 10.0 * s as f64, 5.0, weighted)));
         let mut m = model(blocks.to_vec(), true);
-        // Files of version 1.0, whose certificates the others have, had no such group.
-        let drawn = DrawnDensity { correlation: 0.5, mean_absolute_error: 0.75 };
-        m.certificate.as_mut().unwrap().drawn_densities = Some([drawn; 3]);
+        common::add_drawn_densities(&mut m);
         let bytes = encoded(&m);
         let back = codec::decode(&bytes, "m.pgs").unwrap();
         assert_eq!(back.metadata, m.metadata);

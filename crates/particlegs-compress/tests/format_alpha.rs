@@ -86,7 +86,8 @@ fn check_sums(m: &Model) {
 #[test]
 fn a_file_comes_back() {
     let blocks = [1, 2].map(|s| block(shaded(400, s, 10.0 * s as f64, 5.0)));
-    let m = model(blocks.to_vec(), Some(network(1)), true);
+    let mut m = model(blocks.to_vec(), Some(network(1)), true);
+    common::add_drawn_densities(&mut m);
     let bytes = encoded(&m);
     assert_eq!(bytes[8..12], [1, 0, 1, 0]);
     let back = codec::decode(&bytes, "m.pgs").unwrap();

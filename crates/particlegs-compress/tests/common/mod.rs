@@ -7,9 +7,9 @@ use particlegs_core::codec::{Encoder, Precision};
 use particlegs_core::context::Context;
 use particlegs_core::math::{Random, Sym3};
 use particlegs_core::model::{
-    Block, CellDensity, Certificate, Cosmology, DensityMetrics, Epoch, LawKind, Layer, Limit, Mass, Metadata, Mixture,
-    Model, OrbitMetrics, PictureScore, PictureScores, Recipe, ScienceMetrics, ScienceSubject, Spacing, Subset, Units,
-    ViewMetrics,
+    Block, CellDensity, Certificate, Cosmology, DensityMetrics, DrawnDensity, Epoch, LawKind, Layer, Limit, Mass,
+    Metadata, Mixture, Model, OrbitMetrics, PictureScore, PictureScores, Recipe, ScienceMetrics, ScienceSubject,
+    Spacing, Subset, Units, ViewMetrics,
 };
 use particlegs_core::space::{Bounds, Cell};
 use particlegs_core::{Error, codec};
@@ -192,4 +192,10 @@ pub fn reseal(file: &mut [u8]) {
         file[at + 12..at + 16].copy_from_slice(&sum.to_le_bytes());
         at = end;
     }
+}
+
+/// Adds the group of a certificate that files of version 1.0 lack.
+pub fn add_drawn_densities(m: &mut Model) {
+    let drawn = DrawnDensity { correlation: 0.5, mean_absolute_error: 0.75 };
+    m.certificate.iter_mut().for_each(|c| c.drawn_densities = Some([drawn; 3]));
 }
