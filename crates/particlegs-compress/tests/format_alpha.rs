@@ -54,7 +54,9 @@ fn model(mut blocks: Vec<Block>, network: Option<VizMapper>, certified: bool) ->
 
 /// The same without its network.
 fn without_network(m: &Model) -> Model {
-    model(m.layers[0].content.clone(), None, m.certificate.is_some())
+    let mut without = model(m.layers[0].content.clone(), None, true);
+    without.certificate = m.certificate;
+    without
 }
 
 /// The first block's opacities and grey levels.
