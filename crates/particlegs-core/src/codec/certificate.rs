@@ -292,6 +292,7 @@ mod tests {
             (g.number, g.completeness, g.mass) = (g.number.or(Some(1.0)), Some(0.75), g.mass.or(Some(1.0)));
             g.number_scatter = g.number.unwrap_or(0.0);
         }
+        c.drawn_densities = c.drawn_densities.filter(|_| c.densities.is_some());
         for t in c.held_out.iter_mut().flat_map(|h| &mut h.transfer) {
             t.deviation = t.deviation.or(Some(0.25));
         }
@@ -315,13 +316,13 @@ mod tests {
         };
         agreed(&mut full);
         let quick = Certificate { groups: None, held_out: None, pictures: None, ..full };
-        let blocks = Certificate { spacing: None, subset: None, blocks: Some(3), ..quick };
+        let blocks = Certificate { spacing: None, subset: None, drawn_densities: None, blocks: Some(3), ..quick };
         for (level, c) in [(CertificateLevel::Full, full), (CertificateLevel::Quick, quick)] {
             assert_eq!(size(level), write(&c).len());
         }
         assert_eq!(size(CertificateLevel::Blocks), write(&blocks).len());
         // They are a part of small files.
-        assert!(size(CertificateLevel::Quick) <= 400 && size(CertificateLevel::Full) <= 1200);
+        assert!(size(CertificateLevel::Quick) <= 416 && size(CertificateLevel::Full) <= 1216);
         let sample = Some(Sample::default());
         let large =
             Certificate { sample, mass_power: Some(MassPower::new(2)), layer_ratios: LayerRatios::new(2), ..none };
@@ -405,6 +406,8 @@ mod tests {
         refused(&|c| c.views.orbits[0].expected.noise_free = c.views.orbits[0].expected.model);
         refused(&|c| c.views.width = 0);
         refused(&|c| c.subset = None);
+        refused(&|c| c.densities = None);
+        refused(&|c| c.drawn_densities.as_mut().unwrap()[0].correlation = -1.5);
         // With all groups it is of blocks: no picture of ParaView's was drawn.
         refused(&|c| c.blocks = None);
         refused(&|c| c.views.orbits[0].expected.model = Some(PictureScore { masked_psnr: Some(120.0), ssim: 0.9 }));
