@@ -17,7 +17,8 @@ const RUNS: usize = 4;
 impl FieldSelection<'_> {
     /// Gathers the first fields from a random half of the particles, and rounds them, as [`FieldSelection::add_to_model`]
     /// does of all, for the Gaussians of a `model` that was made of all, and compares with the other half: means of values
-    /// in cells, whose sampling noise is independent in the halves. Of many particles, those of some regions. `None` without fields.
+    /// in cells, whose sampling noise is independent in the halves. Of many particles, those of some regions. `None`
+    /// without fields.
     pub fn agreement(&self, model: &Model, seed: u64, context: &Context<'_>) -> Result<Option<FieldAgreements>> {
         self.agreement_by(model, seed, false, context)
     }

@@ -533,8 +533,9 @@ impl<'a> FieldWalk<'a> {
             Some(if off.abs() > rounding { nominal + off } else { nominal })
         });
         let value = self.models[4].code(c, [0.0, square], [error, step], target)?;
-        let column = self.out.excess.as_mut().into_iter();
-        column.for_each(|column| column[i] = value.clamp(-LARGEST_EXCESS, LARGEST_EXCESS));
+        if let Some(column) = &mut self.out.excess {
+            column[i] = value.clamp(-LARGEST_EXCESS, LARGEST_EXCESS);
+        }
         Ok(())
     }
 

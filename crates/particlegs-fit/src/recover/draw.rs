@@ -6,7 +6,7 @@ use super::options::Method;
 use super::plan::{LayerPlan, RecoveryPlan};
 use super::spaced::Cascade;
 use super::stratified::stratify;
-use super::two_normals::TwoNormals;
+use super::two_phases::logarithms;
 use super::wrap::PeriodicWrap;
 use particlegs_core::context::Level;
 use particlegs_core::math::{Purpose, Random, Sym3};
@@ -219,7 +219,7 @@ impl DrawRules {
             None => draws.normals(self.simd, random, left),
         }
         columns.resize_with(first + components, || vec![0.0; n]);
-        let g = &layer.layer.content;
+        let (g, phases) = (&layer.layer.content, layer.phases.get(name));
         for (gaussian, part) in layer.parts(particle_run.first..particle_run.first + n as u64) {
             let mean = g.mean_of(gaussian);
             let spread = match components {
@@ -227,16 +227,17 @@ impl DrawRules {
                 _ => Sym3(std::array::from_fn(|k| field.spread[k][gaussian])),
             };
             let [a, b, c, d, e, f] = SampledGaussian::new([0.0; 3], &spread, 1.0).root;
-            let phases = TwoNormals::of_field(field, gaussian, layer.phases.get(name), g);
+            let normals = logarithms(field, phases, g, gaussian);
             for i in part {
                 let from_mean = [0, 1, 2].map(|k| position[k][i] - mean[k]);
                 let z = [0, 1, 2].map(|k| left.get(k * n + i).copied().unwrap_or(0.0));
                 let drawn = [a * z[0], b * z[0] + c * z[1], d * z[0] + e * z[1] + f * z[2]];
-                if let Some((phases, follows_slope)) = &phases {
+                if let Some(normals) = &normals {
                     let [least, largest] = field.range[0];
-                    let place = if *follows_slope { from_mean } else { [0.0; 3] };
+                    // Phases are the same everywhere.
+                    let place = if phases.is_some() { [0.0; 3] } else { from_mean };
                     let log = field.mean_at(0, gaussian, place)
-                        + if joint.is_some() { phases.quantile(z[0]) } else { phases.draw([z[0], z[1]]) };
+                        + if joint.is_some() { normals.quantile(z[0]) } else { normals.draw([z[0], z[1]]) };
                     // Of libm, which gives the same bits on every machine.
                     columns[first][i] = libm::exp(log.max(least).min(largest));
                     continue;

@@ -1,6 +1,6 @@
 //! Normal numbers that scalar fields are drawn by, so that values correlate within each Gaussian as the model states.
 
-use super::two_normals::{TwoNormals, TwoPhases};
+use super::two_phases::{TwoPhases, logarithms};
 use particlegs_core::model::{Columns, Mixture};
 use std::ops::Range;
 
@@ -37,10 +37,7 @@ fn root((g, phases): (&Mixture, &Columns<TwoPhases>), names: &[&str], gaussian: 
     let gain = |name: &&str| match g.fields.get(name) {
         // Values that are not normal correlate less than what they are drawn by: to first order, so that pairs of
         // skewed distributions that fall as the other rises still miss a third of it.
-        Some(f) => {
-            let normals = TwoNormals::of_field(f, gaussian, phases.get(name), g);
-            normals.map_or(1.0, |(normals, _)| normals.gain())
-        }
+        Some(f) => logarithms(f, phases.get(name), g, gaussian).map_or(1.0, |normals| normals.gain()),
         None => 1.0,
     };
     let gains: Vec<f64> = names.iter().map(gain).collect();
@@ -66,6 +63,7 @@ fn root((g, phases): (&Mixture, &Columns<TwoPhases>), names: &[&str], gaussian: 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recover::two_normals::TwoNormals;
     use particlegs_core::math::{Random, Sym3};
     use particlegs_core::model::FieldMoments;
 

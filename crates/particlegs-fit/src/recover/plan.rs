@@ -1,7 +1,7 @@
 //! The share of each Gaussian in the particles that are drawn.
 
 use super::options::Method;
-use super::two_normals::TwoPhases;
+use super::two_phases::TwoPhases;
 use particlegs_core::codec::whole_counts;
 use particlegs_core::math::Sym3;
 use particlegs_core::model::{Block, Columns, Layer, Mass, Metadata, Mixture, Model, Quantity};

@@ -21,7 +21,8 @@ pub(super) fn cell_densities(
 ) -> Result<Option<(CellDensities, Option<[DrawnDensity; CELL_SIZES]>)>> {
     let Some(grid) = finest(domain, particles.len()) else { return Ok(None) };
     let [truth, other] = [Subject::Particles(particles), Subject::Model(model)];
-    context.begin("density in cells", deposit_steps(truth, &grid) + deposit_steps(other, &grid));
+    let subjects = [truth, other].into_iter().chain(drawn.map(Subject::Particles));
+    context.begin("density in cells", subjects.map(|subject| deposit_steps(subject, &grid)).sum());
     let field_of = |subject| deposit(subject, &grid, Assignment::Ngp, 0.0, context);
     let truth = field_of(truth)?;
     let of_drawn = drawn.map(|drawn| field_of(Subject::Particles(drawn))).transpose()?;
